@@ -242,10 +242,13 @@ class Observer(_Gain, LqeDesign):
         Their names.
     dt
         Seconds between readings; None in continuous time.
+    response
+        From the readings to the estimate, after each of them (n, k).
     """
 
     states: tuple[str, ...] = ()
     dt: float | None = None
+    response: StateSpace | None = None
 
     @property
     def matrix(self) -> Array:
@@ -269,6 +272,16 @@ class Observer(_Gain, LqeDesign):
 
     def __iter__(self) -> Iterator[Any]:
         return iter((self.predictor_gain, self.prior, self.poles))
+
+    def plot(self, path: str | Path | None = None) -> None:
+        """Draw how much of a reading is in the estimate of each state, by frequency.
+
+        With a ``path`` the picture is saved there; else a notebook or ``plt.show()`` shows it.
+        """
+        from kalman_ros.report.design_pictures import estimator_response  # slow to load
+
+        assert self.response is not None
+        estimator_response(self.response, self.states, None if path is None else Path(path))
 
     def __repr__(self) -> str:
         sampled = self.dt is not None

@@ -16,6 +16,7 @@ from .accept import number, plant, rows, weight
 from .foreign import read_system
 from .gain_results import Observer, StateFeedback
 from .known_names import KnownNames
+from .observers import observer_of
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -108,6 +109,6 @@ def loop_shaping(
     found = design.regulator
     return LoopShaping(
         StateFeedback(system, found.gain, found.poles, found.cost_to_go),
-        Observer(**vars(design.estimator), states=system.states, dt=None),
+        observer_of(system.A, C, design.estimator, system.states, None),
         design.state_cost, design.noise, design.least, design.gamma,
     )  # fmt: skip

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.control import lqe as estimation
-from kalman_ros.core import Discretization, Dynamics, Sensor
+from kalman_ros.control.state_space import state_space
+from kalman_ros.core import Array, Discretization, Dynamics, Sensor
 
 from .accept import columns, duration, rows, square, weight
 from .foreign import read_system
@@ -64,11 +65,11 @@ def lqe(
     density = G @ W @ G.T
     if dt is None:
         cross = None if N is None else G @ N
-        return _observer(estimation.lqe(A, C, density, V, cross), states, None)
+        return observer_of(A, C, estimation.lqe(A, C, density, V, cross), states, None)
     if N is not None:
         raise ValueError('N: expected nothing where readings come in samples of dt')
     F, _, Q = Discretization(A, np.zeros((len(A), 0)), density)(duration('dt', dt))
-    return _observer(estimation.dlqe(F, C, Q, V), states, dt)
+    return observer_of(F, C, estimation.dlqe(F, C, Q, V), states, dt)
 
 
 def dlqe(
@@ -97,7 +98,8 @@ def dlqe(
         G, C, Q, R = None, G, C, Q
     F, G, C, Q, R, N = _noises(F, G, C, Q, R, N)
     design = estimation.dlqe(F, C, G @ Q @ G.T, R, None if N is None else G @ N)
-    return _observer(design, tuple(f'x{i}' for i in range(len(F))), duration('dt', dt or 1.0))
+    states = tuple(f'x{i}' for i in range(len(F)))
+    return observer_of(F, C, design, states, duration('dt', dt or 1.0))
 
 
 def _noises(A: Any, G: Any, C: Any, W: Any, V: Any, N: Any) -> tuple[Any, ...]:
@@ -129,8 +131,18 @@ def _of_model(model: Dynamics, sensors: Any, dt: float | None) -> Observer:
         k = sensor.output.size
         R[at : at + k, at : at + k] = sensor.covariance
         at += k
-    return _observer(estimation.dlqe(step.F, C, step.Q, R), model.state.names, dt)
+    design = estimation.dlqe(step.F, C, step.Q, R)
+    return observer_of(step.F, C, design, model.state.names, dt)
 
 
-def _observer(design: estimation.LqeDesign, states: tuple[str, ...], dt: float | None) -> Observer:
-    return Observer(**vars(design), states=states, dt=dt)
+def observer_of(
+    A: Array, C: Array, design: estimation.LqeDesign, states: tuple[str, ...], dt: float | None
+) -> Observer:
+    """Return the filter with its response, x = (s I - A + L C)^-1 L y, or that after a reading."""
+    L, n = design.predictor_gain, len(A)
+    after = np.eye(n), np.zeros(L.shape)
+    if dt is not None:
+        after = np.eye(n) - design.gain @ C, design.gain
+    return Observer(
+        **vars(design), states=states, dt=dt, response=state_space(A - L @ C, L, *after, dt=dt)
+    )

@@ -16,9 +16,11 @@ from kalman_ros.analysis.design_report import DesignReport
 from kalman_ros.analysis.design_warnings import loop_names
 from kalman_ros.analysis.input_loops import InputLoops, Loop
 from kalman_ros.control.stability import Mode
+from kalman_ros.control.state_space import StateSpace
 from kalman_ros.core import Array
 
 from .style import (
+    CURVES,
     ESTIMATE,
     INPUT,
     READING,
@@ -27,6 +29,7 @@ from .style import (
     envelope,
     legend_below,
     log_ticks,
+    picture,
     time_label,
     time_unit,
 )
@@ -166,6 +169,38 @@ def feedback_loops(channels: Sequence[InputLoops], rate: float, path: Path | Non
         for part, channel in zip(parts, channels):
             _draw_input(part, channel, ('u = -K x', ''), rate)
         legend_below(figure, parts[-1].axes[-1])
+
+
+def estimator_response(response: StateSpace, states: Sequence[str], path: Path | None) -> None:
+    """Draw the magnitudes of the response of an estimate to its readings.
+
+    Parameters
+    ----------
+    response
+        From the readings to the states.
+    states
+        Names of the states.
+    path
+        Where to save the picture; None to show it.
+    """
+    poles, dt = response.poles, response.dt
+    speeds = np.abs(poles if dt is None else np.log(poles[poles != 0.0]) / dt)
+    speeds = speeds[speeds > 0.0] if np.any(speeds > 0.0) else np.ones(1)
+    high = 30.0 * float(speeds.max()) if dt is None else pi / dt
+    w = np.geomspace(min(speeds.min(), high) / 30.0, high, 400)
+    size = np.abs(response.response(w))
+    inputs = size.shape[2]
+    shows = 'How much of a reading is in the estimate, by frequency.'
+    with picture(path, inputs, 1, (7.0, 2.6 * inputs + 0.8), shows) as (figure, axes):
+        for k, axis in enumerate(axes[:, 0]):
+            for index, name in enumerate(states):
+                axis.loglog(w, size[:, index, k], color=CURVES[index % len(CURVES)], lw=1.2,
+                            label=name)  # fmt: skip
+            log_ticks(axis)
+            axis.set_ylabel('|x / y|' if inputs == 1 else f'|x / y{k}|')
+        axes[-1, 0].set_xlabel('frequency [rad/s]')
+        axes[0, 0].set_title('Response of the estimate to the readings')
+        legend_below(figure, axes[0, 0])
 
 
 def _draw_input(part: Any, channel: InputLoops, names: tuple[str, str], rate: float) -> None:

@@ -70,6 +70,26 @@ def test_python_control_is_understood():
     np.testing.assert_allclose(kr.lqr(transfer, 1, 1).K, control.lqr(-1, 1, 1, 1)[0], atol=1e-9)
 
 
+def test_the_response_of_an_observer_is_that_of_its_recursion(tmp_path):
+    """A reading exp(i w k) gives estimates X exp(i w k), with X the response at w."""
+    F, _, Q, dt = kr.discretize(A, dt=0.1, W=1.0)
+    C, w = np.array([[1.0, 0.0]]), 2.0
+    gain = kr.dlqe(F, C, Q, 0.1, dt=dt)
+    x = np.zeros(2, dtype=complex)
+    for k in range(4000):
+        prior = F @ x
+        x = prior + gain.gain @ (np.exp(1j * w * dt * k) - C @ prior)
+    (found,) = gain.response.response([w])
+    np.testing.assert_allclose(x / np.exp(1j * w * dt * 3999), found[:, 0], atol=1e-9)
+    continuous = kr.lqe(A, C, 1.0, 0.1)
+    (found,) = continuous.response.response([w])
+    wanted = np.linalg.solve(1j * w * np.eye(2) - A + continuous.gain @ C, continuous.gain)
+    np.testing.assert_allclose(found, wanted, atol=1e-12)
+    for each in (gain, continuous, kr.loop_shaping(A, B, C).estimator):
+        each.plot(tmp_path / 'response.png')
+        assert (tmp_path / 'response.png').stat().st_size > 5000
+
+
 def test_a_gain_is_the_matrix_in_arithmetic():
     gain, x = kr.lqr(A, B, 1, 1), np.array([1.0, 0.0])
     np.testing.assert_allclose(-gain @ x, [-1.0])
