@@ -163,11 +163,14 @@ def _model_controls(adjustments: Adjustments) -> Iterator[Control]:
 
 
 def _indexed_numbers(value: Any) -> Iterator[tuple[int | None, float]]:
-    """Yield the numbers of a value with their indices; None for a single number."""
+    """Yield the numbers of a value with their indices; None for a single number.
+
+    A limit that is infinite, as where there is none, has no slider.
+    """
     if isinstance(value, float):
         yield None, value
     elif isinstance(value, list) and len(value) <= _LONGEST:
-        numbers = [item for item in value if isinstance(item, float)]
+        numbers = [item for item in value if isinstance(item, float) and isfinite(item)]
         yield from enumerate(numbers) if len(numbers) == len(value) else ()
 
 

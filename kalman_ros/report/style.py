@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
@@ -11,8 +11,14 @@ from typing import Any
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
-from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import (
+    FormatStrFormatter,
+    LogFormatterSciNotation,
+    LogLocator,
+    NullFormatter,
+)
 
+from kalman_ros.analysis.checks import Check
 from kalman_ros.core import Array
 
 TRUTH = '#1a1a1a'
@@ -23,6 +29,8 @@ BOUND = '#5a9bd0'
 #: Colours of other curves, distinct without colour vision (M. Okabe and K. Ito, 2008).
 CURVES = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9')
 
+#: Ratio of the ends of a logarithmic axis below which it has plain numbers.
+_SHORT = 100.0
 #: Settings of matplotlib.
 STYLE = {
     'figure.dpi': 110,
@@ -102,11 +110,31 @@ def canvas(path: Path | None, size: tuple[float, float], shows: str = '') -> Ite
             if lines:
                 figure.suptitle('\n'.join(lines), fontsize=9.5, color=TRUTH, x=0.01, ha='left')
             yield figure
+            _plain_numbers(figure)
             figure.savefig(path)
         else:
             from matplotlib import pyplot  # the import detects the display
 
             yield pyplot.figure(figsize=size, layout='constrained')
+
+
+def _plain_numbers(figure: Figure) -> None:
+    """Label short logarithmic axes with plain numbers; powers of ten have no room for others."""
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            low, high = axis.get_view_interval()
+            if not isinstance(axis.get_major_formatter(), LogFormatterSciNotation):
+                continue
+            axis.set_minor_formatter(NullFormatter())
+            if 0.0 < low < high < _SHORT * low:
+                axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+                axis.set_major_formatter(FormatStrFormatter('%g'))
+
+
+def allowed(axes: Any, at: Iterable[float], checks: Iterable[Check], colour: str) -> None:
+    """Draw the bounds of checks as bars behind their measured numbers, at places ``at``."""
+    bounds = [(place, check.low, check.high) for place, check in zip(at, checks)]
+    axes.vlines(*zip(*bounds), color=colour, alpha=0.35, lw=5.0, label='_allowed')
 
 
 def envelope(time: Array, values: Array, count: int = 300) -> tuple[Array, Array]:

@@ -129,9 +129,10 @@ def frequency(poles: ComplexArray) -> float:
 
 
 def _draw(checks: Sequence[Check], path: Path) -> None:
-    from kalman_ros.report.style import ESTIMATE, INPUT, TRUTH, picture
+    from kalman_ros.report.style import ESTIMATE, INPUT, TRUTH, allowed, picture
 
-    measured = {check.name: check.measured.real for check in checks}
+    by_name = {check.name: check for check in checks}
+    measured = {name: check.measured.real for name, check in by_name.items()}
 
     def dots(label: str, noises: Sequence[float], weights: Sequence[float]) -> list[float]:
         names = [f'{n:g} m, weight {w:g}: {label}' for n in noises for w in weights]
@@ -152,10 +153,12 @@ def _draw(checks: Sequence[Check], path: Path) -> None:
             noises, [rms(0, n, WEIGHT) for n in noises.tolist()],
             color=TRUTH, label='RMS of the position [m]',
         )  # fmt: skip
+        bars = [by_name[f'{n:g} m, weight {WEIGHT:g}: RMS position'] for n in NOISES]
+        allowed(sensors, NOISES, bars, TRUTH)
         sensors.plot(NOISES, dots('bandwidth', NOISES, [WEIGHT]), 'o', color=ESTIMATE, ms=5)
         sensors.plot(NOISES, dots('RMS position', NOISES, [WEIGHT]), 'o', color=TRUTH, ms=5)
         sensors.set_xlabel('noise of the sensor [m] (log)')
-        sensors.set_title('A worse sensor (dots: measured)')
+        sensors.set_title('A worse sensor (dots: measured; bars: allowed)')
         sensors.set_ylabel('rad/s and m (log)')
         sensors.legend(loc='upper right')
         for noise, colour in ((NOISES[0], ESTIMATE), (NOISES[-1], INPUT)):
@@ -166,6 +169,8 @@ def _draw(checks: Sequence[Check], path: Path) -> None:
             )  # fmt: skip
         across = dots('RMS input', NOISES[-1:], WEIGHTS)
         up = dots('RMS position', NOISES[-1:], WEIGHTS)
+        allowed(trade, across, [by_name[f'{NOISES[-1]:g} m, weight {w:g}: RMS position']
+                                for w in WEIGHTS], INPUT)  # fmt: skip
         trade.plot(across, up, 'o', color=INPUT, ms=5)
         for weight, x, y in zip(WEIGHTS, across, up):
             trade.annotate(

@@ -9,6 +9,7 @@ Gains are measured from topics, as the jump of the estimate over the innovation.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +62,9 @@ def study(size: float = 1.0) -> Findings:
         checks += _checks(ratio, gains[index], variances[index], error[:, index])
     checks += _limits(variances, R)
     data = {'ratios': RATIOS.tolist(), 'gains': gains.tolist(), 'variances': variances.tolist()}
-    return Findings(checks, lambda path: _draw(gains, np.mean(error**2, axis=0), path), data)
+    return Findings(
+        checks, lambda path: _draw(gains, np.mean(error**2, axis=0), checks, path), data
+    )
 
 
 def _gains(run: Trajectory) -> Array:
@@ -111,8 +114,8 @@ def _limits(variances: Array, R: Array) -> list[Check]:
     ]
 
 
-def _draw(gains: Array, squares: Array, path: Path) -> None:
-    from kalman_ros.report.style import ESTIMATE, INPUT, READING, TRUTH, picture
+def _draw(gains: Array, squares: Array, checks: Sequence[Check], path: Path) -> None:
+    from kalman_ros.report.style import ESTIMATE, INPUT, READING, TRUTH, allowed, picture
 
     ratios = np.geomspace(RATIOS[0], RATIOS[-1], 100)
     designs = [_design(ratio) for ratio in ratios]
@@ -128,7 +131,10 @@ def _draw(gains: Array, squares: Array, path: Path) -> None:
             color=TRUTH,
             label='by Riccati',
         )
-        variance.loglog(RATIOS, squares, 'o', color=ESTIMATE, label='measured')
+        errors = [check for check in checks if check.name.startswith('RMS error')]
+        squared = [replace(each, low=each.low**2, high=each.high**2) for each in errors]
+        allowed(variance, RATIOS, squared, ESTIMATE)
+        variance.loglog(RATIOS, squares, 'o', color=ESTIMATE, label='measured, and allowed')
         variance.loglog(ratios, ratios * STEP.Q[0, 0], '--', color=READING, label='readings alone')
         variance.axhline(alone, ls=':', color=INPUT, label='model alone')
         variance.set_ylim(squares[0] / 2.0, 3.0 * alone)

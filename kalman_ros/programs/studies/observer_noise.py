@@ -7,7 +7,7 @@ away from it. The decay is fitted to their errors; the noise is the remaining er
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -73,7 +73,8 @@ def study(size: float = 1.0) -> Findings:
     for observer in (kalman, *observers):
         checks += _checks(observer)
     checks += [_excess(observer, kalman) for observer in observers]
-    return Findings(checks, lambda path: _draw(kalman, dict(zip(speeds, observers)), path))
+    named = dict(zip(speeds, observers))
+    return Findings(checks, lambda path: _draw(kalman, named, checks, path))
 
 
 def _gain(speed: float) -> Array:
@@ -133,8 +134,10 @@ def _excess(observer: Observer, kalman: Observer) -> Check:
     return close(name, 'm^2', expected.mean, float(squares.mean()), SIGMAS * expected.std)
 
 
-def _draw(kalman: Observer, observers: Mapping[float, Observer], path: Path) -> None:
-    from kalman_ros.report.style import ESTIMATE, INPUT, TRUTH, picture, shades
+def _draw(
+    kalman: Observer, observers: Mapping[float, Observer], checks: Sequence[Check], path: Path
+) -> None:
+    from kalman_ros.report.style import ESTIMATE, INPUT, TRUTH, allowed, picture, shades
 
     speeds = np.geomspace(min(observers) / 1.5, max(observers) * 1.5, 60)
     with picture(path, 1, 2, (8.0, 3.2)) as (_, ((start, noise),)):
@@ -153,7 +156,10 @@ def _draw(kalman: Observer, observers: Mapping[float, Observer], path: Path) -> 
         measured = [
             np.sqrt(np.mean(observer.settled[:, 0] ** 2)) for observer in observers.values()
         ]
-        noise.loglog([*observers], measured, 'o', color=ESTIMATE, label='measured')
+        by_name = {check.name: check for check in checks}
+        bars = [by_name[f'RMS error of x, {observer.name}'] for observer in observers.values()]
+        allowed(noise, observers, bars, ESTIMATE)
+        noise.loglog([*observers], measured, 'o', color=ESTIMATE, label='measured, and allowed')
         least = np.sqrt(np.mean(kalman.settled[:, 0] ** 2))
         noise.axhline(least, color=INPUT, label="Kalman's gain, measured")
         noise.set_xticks([*observers], [f'{speed:g}' for speed in observers])

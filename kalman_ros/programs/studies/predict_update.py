@@ -194,9 +194,11 @@ def _draw(filters: Filters, path: Path) -> None:
             ('Kalman', run.estimate, kalman_gains(read), ESTIMATE),
         ):
             loss.semilogy(run.time, variances(gains), color=colour, lw=1.2, label=label)
-            mean = np.mean((run.truth - estimate) ** 2, axis=1)
-            loss.semilogy(run.time[::EVERY], mean[::EVERY], '.', color=colour, ms=5)
-        loss.set(title='Mean square error (dots: over 40 levels)', ylabel='variance',
+            squares = (run.truth - estimate)[::EVERY] ** 2
+            error = 2.0 * squares.std(axis=1, ddof=1) / np.sqrt(LEVELS)
+            loss.errorbar(run.time[::EVERY], squares.mean(axis=1), error, fmt='.', color=colour,
+                          ms=5, elinewidth=0.7)  # fmt: skip
+        loss.set(title='Mean square error (dots: 40 levels, 2 standard errors)', ylabel='variance',
                  xlabel='time [s]')  # fmt: skip
         loss.legend(loc='upper right')
 

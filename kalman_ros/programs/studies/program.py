@@ -139,7 +139,8 @@ def _report(console: Console, folder: Path, findings: Findings, wall: float, ran
     }
     # the summary last: if it exists, the results are complete
     with deferred():
-        with style.caption(': '.join(filter(None, (f'study {folder.name}', ran)))):
+        title = ': '.join(filter(None, (f'study {folder.name}', ran)))
+        with style.caption(f'{title}\n{claim(folder.name)}'):
             findings.draw(folder / f'{folder.name}.png')
         (folder / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
     console.print(f'{wall:.1f} s; in {folder}: summary.json, {folder.name}.png', style='dim')

@@ -90,7 +90,7 @@ def _measure(q: float, seconds: float) -> list[Check]:
 
 
 def _draw(checks: Sequence[Check], path: Path) -> None:
-    from kalman_ros.report.style import ESTIMATE, READING, TRUTH, picture
+    from kalman_ros.report.style import ESTIMATE, READING, TRUTH, allowed, picture
     from kalman_ros.report.style import INPUT as ORANGE
 
     strengths: Array = np.asarray(np.geomspace(0.3, 1000.0, 40), dtype=float)
@@ -98,7 +98,7 @@ def _draw(checks: Sequence[Check], path: Path) -> None:
     K = lqr(A, B, cost(STRENGTH * ONES, [1.0], (2, 1))).gain
     designs = recover(plant, K, (STRENGTH * ONES, np.eye(1)), strengths.tolist())
     guarantee = margins(lqr_loop(_real())).upper_gain.value
-    measured = {check.name: check.measured.real for check in checks}
+    by_name = {check.name: check for check in checks}
     with picture(path, 1, 2, (9.0, 3.3)) as (_, ((gain, noise),)):
         gain.plot(
             strengths, [margins(design.loop).upper_gain.value for design in designs], '--',
@@ -119,8 +119,10 @@ def _draw(checks: Sequence[Check], path: Path) -> None:
         noise.set_ylabel('RMS of the input (log)')
         noise.set_title('Noise at the input grows')
         for axis, label in ((gain, 'gain margin'), (noise, 'RMS of the input')):
-            values = [measured[f'q = {q:g}: {label}'] for q in ASSUMED]
-            axis.plot(ASSUMED, values, 'o', color=ORANGE, ms=6, label='measured')
+            found = [by_name[f'q = {q:g}: {label}'] for q in ASSUMED]
+            allowed(axis, ASSUMED, found, ORANGE)
+            values = [check.measured.real for check in found]
+            axis.plot(ASSUMED, values, 'o', color=ORANGE, ms=6, label='measured, and allowed')
             axis.set_xscale('log')
             axis.set_yscale('log')
             axis.set_xlabel('q, input noise that the estimator assumes (log)')

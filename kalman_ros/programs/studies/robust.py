@@ -214,20 +214,22 @@ def _scaled(changes: Mapping[str, Any], scale: float) -> dict[str, Any]:
 
 
 def _draw(cases: Mapping[str, WorstCases], checks: Sequence[Check], path: Path) -> None:
-    from kalman_ros.report.style import BOUND, ESTIMATE, INPUT, READING, TRUTH, picture
+    from kalman_ros.report.style import BOUND, ESTIMATE, INPUT, READING, TRUTH, allowed, picture
 
     colours = dict(zip(cases, (TRUTH, READING, ESTIMATE, INPUT)))
     springs: Array = np.asarray(np.geomspace(0.4, 2.5, 121), dtype=float)
     weights = price(scenario('LQG'))
-    measured = {check.name: check.measured.real for check in checks}
+    by_name = {check.name: check for check in checks}
     with picture(path, 1, 2, (9.0, 3.6)) as (_, ((cost, bars),)):
         for name, case in cases.items():
             loops = PlantLoops(scenario(name), plants, weights)
             at = float(case.cost.point[1])
             costs = [_cost(loops, np.array([k, at])) for k in springs.tolist()]
             cost.plot(springs, costs, color=colours[name], label=name)
-            if (value := measured.get(f'{name}: cost at its worst')) is not None:
-                cost.plot([case.cost.point[0]], [value], 'o', color=colours[name], ms=6)
+            if (found := by_name.get(f'{name}: cost at its worst')) is not None:
+                place = [float(case.cost.point[0])]
+                allowed(cost, place, [found], colours[name])
+                cost.plot(place, [found.measured.real], 'o', color=colours[name], ms=6)
         low, high = BOX['spring'][1:]
         cost.axvspan(low, high, color=BOUND, alpha=0.12, lw=0)
         cost.set(
