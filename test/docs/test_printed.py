@@ -4,13 +4,23 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rich.console import Console
 
+pytest.importorskip('rclpy')
+
 import kalman_ros as kr
+from kalman_ros.analysis.observability import observability
 from kalman_ros.analysis.verdict import judge
-from kalman_ros.programs import design
+from kalman_ros.bags.replayed import Replayed
+from kalman_ros.control.limiter import Limits
+from kalman_ros.pipeline.settings import settings
+from kalman_ros.programs import design, export
+from kalman_ros.programs.replay import tables
 from kalman_ros.report.run_tables import checks_table
+from kalman_ros.scenario.motions import motion_of
+from kalman_ros.scenario.reference_motions import along_path
 
 DOCS = Path(__file__).parents[2] / 'docs'
 
@@ -61,3 +71,76 @@ def test_the_first_demo_is_printed_as_shown():
     columns = ' '.join(printed.get().split())
     for line in shown('tutorials/first_loop.md', 'mass_spring')[3:]:
         assert ' '.join(line.split()) in columns, line
+
+
+def said_on(page):
+    """Return the blocks of a page that have one line."""
+    blocks = re.findall(r'^```\n(.*)\n```$', (DOCS / page).read_text(), re.M)
+    return [block for block in blocks if block.strip()]
+
+
+def test_an_unknown_parameter_is_refused_as_shown():
+    with pytest.raises(ValueError) as error:
+        settings({'model': 'mass_spring_damper_2d', 'position.niose': [0.1, 0.1]})
+    assert f'estimator: {error.value}' in said_on('tutorials/first_loop.md')
+
+
+def test_what_no_filter_can_follow_is_refused_as_shown():
+    unstable = {
+        'model': 'linear', 'sensors': ['speed'], 'speed.measures': ['v'], 'speed.noise': [0.1],
+        'speed.type': 'sensor_msgs/JointState', 'speed.fields': ['velocity[0]'],
+        'model_parameters.A': [0.5, 0.0, 0.0, -1.0], 'model_parameters.B': [0.0, 1.0],
+        'model_parameters.states': ['x', 'v'], 'model_parameters.inputs': ['u'],
+        'model_parameters.noise_density': [0.1, 0.1],
+    }  # fmt: skip
+    with pytest.raises(ValueError) as error:
+        observability(settings(unstable).scenario)
+    assert f'estimator: {error.value}' in said_on('how_to/drive.md')
+
+
+@pytest.mark.thorough
+@pytest.mark.slow
+def test_an_export_is_printed_as_shown(tmp_path, capsys, monkeypatch):
+    """Bytes and times are those of a compiler and a machine; all else is the same."""
+    pytest.importorskip('casadi')
+    monkeypatch.setenv('COLUMNS', '80')
+    monkeypatch.chdir(tmp_path)
+    export.main(['cart_pole', '--out', 'cart_c'])
+    page = (DOCS / 'how_to' / 'embedded.md').read_text()
+    (block,) = re.findall(r'^\$ ./dev export cart_pole --out cart_c\n(.*?)\n\$', page, re.M | re.S)
+    number = re.compile(r'\d+(\.\d+)?(e-\d+)?')
+
+    def alike(text):
+        """Return lines without what a compiler or a machine decides."""
+        varies = 'flash', 'stack', 'a step in', 'largest', '---'
+        lines = [' '.join(line.split()) for line in text.splitlines() if line.strip()]
+        return [
+            number.sub('#', line) if any(word in line for word in varies) else line
+            for line in lines
+            if not line.startswith(('---', '───'))
+        ]
+
+    assert alike(block) == alike(capsys.readouterr().out)
+
+
+def test_a_replay_has_the_columns_that_are_shown():
+    header, _, *rows = shown('how_to/record_and_replay.md', 'monday, real time')[1:5]
+    blank = Replayed(
+        scenario=kr.load('mass_spring_damper_2d'), start=0, duration=1.0, lockstep=False,
+        sensors={}, beliefs=None, inputs=None, restarts=0, repairs=0, smoothed=None, biases={},
+        truth=None, notes=(),
+    )  # fmt: skip
+    titles = [title for title, _ in tables.sensor_sheet(blank).columns]
+    assert ' '.join(header.split()) == ' '.join(titles)
+    assert all(len(row.split()) == len(titles) + 1 for row in rows)
+
+
+@pytest.mark.slow
+def test_a_path_beyond_a_limit_is_refused_as_shown():
+    robot = kr.load('diff_drive', {'model_parameters.command_time': 0.2})
+    corner = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 2.0, 0.0]])
+    limits = Limits(np.array([np.inf, 2.0]), np.full(2, np.inf))
+    with pytest.raises(ValueError) as error:
+        motion_of(robot, along_path(robot, corner, 1.0, 1.0), limits)
+    line = f'reference/path: {error.value}; what was held stays'
+    assert line in said_on('how_to/follow_a_path.md'), line
