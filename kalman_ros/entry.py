@@ -111,7 +111,10 @@ view = partial(_program, 'view')
 COMMANDS = {name: value for name, value in globals().items() if isinstance(value, partial)}
 
 #: Modules of ROS 2, which pip does not install.
-_ROS = ('rclpy', 'ament_index_python', 'rosidl_generator_py', 'rosgraph_msgs', 'lifecycle_msgs')
+_ROS = (
+    'rclpy', 'ament_index_python', 'rcl_interfaces', 'rosidl_generator_py', 'rosidl_parser',
+    'rpyutils', 'std_srvs',
+)  # fmt: skip
 
 
 def main() -> None:

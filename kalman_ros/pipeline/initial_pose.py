@@ -15,6 +15,8 @@ from kalman_ros.scenario.body_roles import body_of
 
 #: The topics of poses: of RViz, and of users of robot_localization.
 POSES = 'initialpose', 'set_pose'
+#: The one of this estimator alone.
+OWN_POSE = '~/set_pose'
 _TYPE = 'geometry_msgs/PoseWithCovarianceStamped'
 _PLACE, _TURNS, _VECTOR = ('x', 'y', 'z'), ('roll', 'pitch', 'yaw'), ('rx', 'ry', 'rz')
 _FIELDS = (
@@ -28,7 +30,8 @@ class PoseReader:
 
     Those are the position and the attitude of the body, by the fields of the state's message or by
     the names of states with a position in the plane. What the message gives no variance, such as
-    the height in a pose of RViz in the plane, stays as it is believed.
+    the height in a pose of RViz in the plane, stays as it is believed. Without any variance the
+    pose counts, with the initial uncertainty.
 
     Parameters
     ----------
@@ -76,7 +79,9 @@ class PoseReader:
         given = leading_frame(data)
         if self._frame and given and given != self._frame:
             raise ValueError(f"expected frame '{self._frame}', got '{given}'")
-        if not is_finite(values):
+        if not is_finite(values[3:]) and max(self._errors) > 2:
+            raise ValueError('orientation: expected a quaternion that is a rotation, not of zeros')
+        if not is_finite(values[:3]):
             raise ValueError('expected finite numbers')
         assert covariance is not None
         return self._put(values, covariance, initial)
@@ -86,10 +91,12 @@ class PoseReader:
         mean, P = initial.mean.copy(), initial.covariance.copy()
         known = {k: place for k, place in self._errors.items() if R[k].any()} or self._errors
         chosen, indices = [*known], [*known.values()]
-        block = semidefinite('covariance', R[np.ix_(chosen, chosen)], len(chosen), definite=True)
-        P[indices, :] = 0.0
-        P[:, indices] = 0.0
-        P[np.ix_(indices, indices)] = block
+        if R.any():
+            block = R[np.ix_(chosen, chosen)]
+            block = semidefinite('covariance', block, len(chosen), definite=True)
+            P[indices, :] = 0.0
+            P[:, indices] = 0.0
+            P[np.ix_(indices, indices)] = block
         if len(self._rotation) == 3:
             before = so3.to_euler(mean[self._rotation])
             turned = np.where([k in chosen for k in (3, 4, 5)], pose[3:], before)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from kalman_ros.codecs.messages import decode, message_type
-from kalman_ros.core import Gaussian, is_finite
+from kalman_ros.core import Gaussian, is_finite, semidefinite
 from kalman_ros.scenario import Scenario
 
 TYPE = 'sensor_msgs/JointState'
@@ -14,6 +14,8 @@ TYPE = 'sensor_msgs/JointState'
 
 class StateReader:
     """Reader of states: ``name``, their values in ``position``, deviations in ``effort`` if any.
+
+    Of n > 1 states, n^2 numbers in ``effort`` are the rows of their covariance.
 
     Parameters
     ----------
@@ -39,17 +41,22 @@ class StateReader:
         indices = self._space.indices(names, 'name')
         if not names or len({*names}) < len(names):
             raise ValueError(f'name: expected names that do not repeat, got {names}')
-        if len(values) != len(names) or len(std) not in (0, len(names)):
+        n = len(names)
+        if len(values) != n or len(std) not in (0, n, n * n):
             raise ValueError(
-                f'expected {len(names)} values in position, and as many or no deviations in '
-                f'effort, got {len(values)} and {len(std)}'
+                f'expected {n} values in position, and in effort none, {n} deviations or the '
+                f'{n * n} numbers of a covariance, got {len(values)} and {len(std)}'
             )
-        if not (is_finite(values) and is_finite(std) and np.all(std >= 0.0)):
-            raise ValueError('expected finite numbers, and deviations of 0 or more')
+        if not (is_finite(values) and is_finite(std)):
+            raise ValueError('expected finite numbers')
+        if len(std) == n and not np.all(std >= 0.0):
+            raise ValueError('expected deviations of 0 or more')
+        square = len(std) == n * n and n > 1
+        block = semidefinite('effort', std, n) if square else np.diag(std**2)
         mean, P = initial.mean.copy(), initial.covariance.copy()
         mean[indices] = values
         if len(std):
             P[indices, :] = 0.0
             P[:, indices] = 0.0
-            P[indices, indices] = std**2
+            P[np.ix_(indices, indices)] = block
         return Gaussian(self._space.wrap(mean), P)

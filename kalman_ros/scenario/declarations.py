@@ -77,12 +77,12 @@ def options(values: Mapping[str, Any], *, with_law: bool = True) -> dict[str, Op
         'initial_state': (system.initial_state, 'initial state of the plant'),
         'initial_estimate': (
             system.initial_estimate or built.equilibrium.state.tolist(),
-            'mean before the first reading',
+            'mean at a start or reset',
         ),
         'initial_std': (system.initial_std, 'initial standard deviations'),
     }
     for name, (default, meaning) in vectors.items():
-        found[name] = Option(name, list(default), About(meaning))
+        found[name] = Option(name, list(default), About(meaning, live=name != 'initial_state'))
     return found
 
 

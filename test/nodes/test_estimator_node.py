@@ -111,6 +111,29 @@ def test_fusion_is_switched_off_and_on_and_each_reading_is_counted(pair, monkeyp
     assert found.node._fuser.fusing
 
 
+def test_the_first_belief_is_set_while_inactive_and_counts_from_the_next_start(pair):
+    found = pair(EstimatorNode, rest_until_input='false')
+    node = found.node
+    node.trigger_deactivate()
+    mean, std = [1.0, 2.0, 3.0, 4.0], [0.1, 0.2, 0.3, 0.4]
+    answers = node.set_parameters(
+        [Parameter('initial_estimate', value=mean), Parameter('initial_std', value=std)]
+    )
+    assert all(each.successful for each in answers), answers
+    node.trigger_activate()
+    belief = node._online.belief
+    np.testing.assert_array_equal(belief.mean, mean)
+    np.testing.assert_allclose(belief.covariance, np.diag(np.square(std)))
+    # an active one goes on, until it is reset
+    (answer,) = node.set_parameters([Parameter('initial_estimate', value=[9.0] * 4)])
+    assert answer.successful
+    np.testing.assert_array_equal(node._online.belief.mean, mean)
+    node._on_reset(None, Trigger.Response())
+    np.testing.assert_array_equal(node._online.belief.mean, [9.0] * 4)
+    (answer,) = node.set_parameters([Parameter('initial_std', value=[-1.0] * 4)])
+    assert not answer.successful
+
+
 def test_a_second_publisher_of_an_output_is_named(pair):
     found = pair(EstimatorNode, rest_until_input='false')
     connections = Connections(found.node)

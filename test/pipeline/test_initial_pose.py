@@ -19,8 +19,10 @@ from kalman_ros.scenario.parameter_files import from_file
 NAMES = ('x', 'v_x', 'y', 'v_y')
 
 
-def pose(x=1.0, y=2.0, variance=0.25):
+def pose(x=1.0, y=2.0, variance=0.25, quaternion=(0.0, 0.0, 0.0, 1.0)):
     message = PoseWithCovarianceStamped()
+    turn = message.pose.pose.orientation
+    turn.x, turn.y, turn.z, turn.w = quaternion
     message.pose.pose.position.x, message.pose.pose.position.y = x, y
     message.pose.covariance[:] = (variance * np.eye(6)).ravel()
     return bytes(serialize_message(message))
@@ -47,7 +49,12 @@ def test_the_pose_is_put_in_and_the_rest_stays():
     ('model', 'data', 'says'),
     [
         ('mass_spring_damper_2d', pose(x=np.nan), 'expected finite numbers'),
-        ('mass_spring_damper_2d', pose(variance=0.0), 'covariance: expected a positive definite'),
+        ('mass_spring_damper_2d', pose(variance=-1.0), 'covariance: expected a positive definite'),
+        (
+            'robot_2d',
+            pose(variance=1.0, quaternion=(0.0,) * 4),
+            'orientation: expected a quaternion',
+        ),
         ('dc_motor', pose(), 'no pose'),
     ],
 )
@@ -55,6 +62,13 @@ def test_what_is_no_belief_is_refused(model, data, says):
     found = scenario.build({'model': model})
     with pytest.raises(ValueError, match=says):
         PoseReader(found)(data, found.initial_belief)
+
+
+def test_a_pose_without_a_covariance_has_the_initial_one():
+    found = scenario.build({'model': 'robot_2d'})
+    belief = PoseReader(found)(pose(variance=0.0), found.initial_belief)
+    np.testing.assert_array_equal(belief.covariance, found.initial_belief.covariance)
+    assert belief.mean[:2].tolist() == [1.0, 2.0]
 
 
 def rviz(x, y, yaw, frame='map'):

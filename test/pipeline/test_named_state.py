@@ -39,6 +39,19 @@ def test_named_states_are_put_in_and_the_rest_stays(found):
     np.testing.assert_array_equal(belief.mean[others], before.mean[others])
 
 
+def test_rows_of_a_covariance_are_one(found):
+    before = found.believed.initial
+    space = found.believed.model.state
+    given = message(['y', 'x'], [2.0, 1.0], [0.5, 0.1, 0.1, 0.25])
+    belief = StateReader(found)(given, before)
+    indices = list(space.indices(['y', 'x']))
+    np.testing.assert_allclose(
+        belief.covariance[np.ix_(indices, indices)], [[0.5, 0.1], [0.1, 0.25]]
+    )
+    others = [k for k in range(space.size) if k not in indices]
+    np.testing.assert_array_equal(belief.covariance[np.ix_(indices, others)], 0.0)
+
+
 def test_without_deviations_the_covariance_stays(found):
     before = found.believed.initial
     belief = StateReader(found)(message(['x'], [9.0]), before)
@@ -53,7 +66,8 @@ def test_without_deviations_the_covariance_stays(found):
         (([], []), 'expected names that do not repeat'),
         ((['x', 'x'], [1.0, 2.0]), 'expected names that do not repeat'),
         ((['x', 'y'], [1.0]), 'expected 2 values in position'),
-        ((['x'], [1.0], [1.0, 2.0]), 'as many or no deviations'),
+        ((['x'], [1.0], [1.0, 2.0]), 'in effort none, 1 deviations or the 1 numbers'),
+        ((['x', 'y'], [1.0, 2.0], [1.0, 2.0, 2.0, 1.0]), 'effort: expected a positive semi'),
         ((['x'], [np.nan]), 'expected finite numbers'),
         ((['x'], [1.0], [-1.0]), 'deviations of 0 or more'),
     ],

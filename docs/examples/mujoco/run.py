@@ -54,10 +54,10 @@ def run(
         plant = subprocess.Popen(program, env=loop.environment)
         while plant.poll() is None:
             loop.spin()
-        received = -1
-        while len(loop.trajectory().time) > received:  # until nothing more arrives
+        steps, received = round(seconds * loop.scenario.rate) + 1, -1
+        while received < len(loop.trajectory().time) < steps:  # until nothing more arrives
             received = len(loop.trajectory().time)
-            loop.spin(0.5)
+            loop.spin(2.0)
         return loop.trajectory()
 
 

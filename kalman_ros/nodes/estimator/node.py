@@ -21,7 +21,7 @@ from kalman_ros.pipeline.estimator_options import EstimatorOptions
 from kalman_ros.pipeline.fuser import Fused, Fuser
 from kalman_ros.pipeline.fusion import check_start, fusion
 from kalman_ros.pipeline.global_topics import uses_fixes
-from kalman_ros.pipeline.initial_pose import POSES, PoseReader
+from kalman_ros.pipeline.initial_pose import OWN_POSE, POSES, PoseReader
 from kalman_ros.pipeline.mounts import TOPIC, Mounts
 from kalman_ros.pipeline.named_state import StateReader
 from kalman_ros.pipeline.settings import Settings, estimator_extra
@@ -108,7 +108,7 @@ class EstimatorNode(runtime.ScenarioNode):
             self._transforms.subscribe()
         if self._static is not None:
             self.create_subscription(self._static, TOPIC, self._on_static, STATIC, raw=True)
-        for topic in POSES:
+        for topic in (*POSES, OWN_POSE):
             self._take_belief(topic, self._read_pose)
         self._take_belief('~/set_state', self._read_state)
         self.create_service(Trigger, '~/reset', self._on_reset)

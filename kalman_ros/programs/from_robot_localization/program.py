@@ -26,6 +26,8 @@ from .their_file import Row, their_nodes
 from .translation import Translation, translated
 
 PROGRAM = 'from_robot_localization'
+#: The most values of a file that are left out because they are out of range.
+_MOST_LEFT_OUT = 20
 #: Their topic of the odometry, unless a launch file remaps it.
 _THEIRS = 'odometry/filtered'
 
@@ -91,9 +93,7 @@ def written(filters: Sequence[Translation], source: Path, out: Path | None) -> l
     """
     for translation in filters:
         try:
-            options = settings(translation.values).options
-            if options.publish_tf:
-                check_frames(options)
+            _make_startable(translation)
         except ValueError as error:
             raise ValueError(f'{translation.title}: {error}') from None
     first = Path(f'{source.stem}_kalman_ros.yaml') if out is None else out
@@ -111,6 +111,64 @@ def written(filters: Sequence[Translation], source: Path, out: Path | None) -> l
         file.write_text(as_text(translation.values, source.name))
         _read_back(file)
     return files
+
+
+#: Their parameters by the beginnings of ours, where a value of theirs may be out of range.
+_SOURCES = {
+    'publish_rate': ('frequency',),
+    'window': ('history_length',),
+    'tf_time_offset': ('transform_time_offset',),
+    'frame': ('world_frame', 'odom_frame', 'map_frame'),
+    'child_frame': ('base_link_frame',),
+    'input_timeout': ('control_timeout',),
+    'initial_estimate': ('initial_state',),
+    'initial_std': ('initial_estimate_covariance',),
+    'model_parameters.command_time': ('control_timeout',),
+    'model_parameters': ('process_noise_covariance', 'acceleration_limits', 'deceleration_limits'),
+    'datum': ('datum',),
+}
+
+
+def _make_startable(translation: Translation) -> None:
+    """Leave out the values with which no estimator starts, and list them.
+
+    Raises
+    ------
+    ValueError
+        If none starts without them, either.
+    """
+    values = translation.values
+    for _ in range(_MOST_LEFT_OUT):
+        try:
+            known = settings(values)
+            if known.options.publish_tf:
+                check_frames(known.options)
+            known.fusion()
+            return
+        except (ValueError, ArithmeticError) as error:
+            words = str(error)
+            if not _leave_out(translation, words):
+                raise ValueError(words) from None
+    raise ValueError('too many values are out of range')
+
+
+def _leave_out(translation: Translation, why: str) -> bool:
+    """Take the value that an error names out of a file; return whether there is one."""
+    values, named = translation.values, why.partition(':')[0]
+    if named == 'model_parameters' and not any(name.startswith(f'{named}.') for name in values):
+        named = 'initial_estimate'  # a state so far away is as bad as such a noise
+    if named == 'child_frame' and 'base_link_frame' not in translation.node.values:
+        named = 'frame'
+    for ours, theirs in _SOURCES.items():
+        found = [name for name in values if name == named or name.startswith(f'{ours}.')]
+        if not (named == ours or named.startswith(f'{ours}.')) or not found:
+            continue
+        for name in found if named == ours else [named]:
+            values.pop(name, None)
+        for name in theirs:
+            translation.node.leave_out(name, why)
+        return True
+    return False
 
 
 def _read_back(file: Path) -> None:

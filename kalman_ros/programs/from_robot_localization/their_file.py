@@ -134,7 +134,11 @@ def their_nodes(path: Path) -> list[TheirNode]:
         expected = 'expected a node with one of odom0, pose0, twist0, imu0'
         raise ValueError(f'{path.name}: {expected}')
     for node in nodes:
-        node.name = in_ros(node.name or path.stem)
+        given, node.name = node.name, in_ros(node.name or path.stem)
+        if given and given != node.name:
+            line = min((each.line for each in node.values.values()), default=1)
+            words = f"node {node.name}: '{given}' is no name in ROS 2"
+            node.rows.append(Row(max(1, line - 1), given, False, words))
         node.namespace = '/'.join(map(in_ros, filter(None, node.namespace.split('/'))))
         if node.filters or node.navigates:
             for wildcard in shared:

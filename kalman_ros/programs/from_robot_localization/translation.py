@@ -74,10 +74,23 @@ _KNOWN, _UNKNOWN = 1e-9**0.5, 1.0
 class Translation:
     """Parameters of our estimator, and the outcome of theirs."""
 
-    name: str
-    namespace: str
-    values: Mapping[str, Any]
-    rows: Sequence[Row]
+    node: TheirNode
+    values: dict[str, Any]
+
+    @property
+    def name(self) -> str:
+        """The name of the node."""
+        return self.node.name
+
+    @property
+    def namespace(self) -> str:
+        """The namespace of the node."""
+        return self.node.namespace
+
+    @property
+    def rows(self) -> Sequence[Row]:
+        """What becomes of their parameters."""
+        return self.node.rows
 
     @property
     def title(self) -> str:
@@ -119,13 +132,13 @@ def _translated(nodes: Sequence[TheirNode]) -> list[Translation]:
             values['tf_odometry'] = topic
         for name in node.unaccounted:
             node.note(name, 'unknown to this program', carried=False)
-        translations.append(Translation(node.name, node.namespace, values, node.rows))
+        translations.append(Translation(node, values))
     for node in nodes:
         if not node.filters:
             outcome = 'unknown to this program' if node.navigates else 'of no filter'
             for name in node.unaccounted:
                 node.note(name, outcome, carried=False)
-            translations.append(Translation(node.name, node.namespace, {}, node.rows))
+            translations.append(Translation(node, {}))
     return translations
 
 
@@ -297,9 +310,11 @@ def _limits(node: TheirNode, parameters: dict[str, Any]) -> None:
     if not known:
         return
     largest = np.max(known, axis=0)
-    if not np.all(largest > 0.0):
+    # 0 stands where a robot has no such command, as that to the left of most
+    largest[largest <= 0.0] = np.inf
+    if np.isinf(largest).all():
         for name in _LIMITS:
-            node.leave_out(name, 'expected positive numbers forward, left and about z')
+            node.leave_out(name, 'expected a positive number forward, left or about z')
         return
     parameters['model_parameters.acceleration_limits'] = largest.tolist()
     both = len(known) == 2 and bool(np.any(known[0] != known[1]))
