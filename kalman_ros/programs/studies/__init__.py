@@ -43,6 +43,7 @@ STUDIES = (
     'sigma_points',
     'one_bearing',
     'slam',
+    'spikes',
     'tracking',
     'constraints',
 )
