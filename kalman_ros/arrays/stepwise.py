@@ -24,6 +24,16 @@ class _Checked:
 
     model: Any
 
+    def __new__(cls, *_: Any, **options: Any) -> Any:
+        """Refuse the arguments of filterpy with those that there are here."""
+        if not options.keys().isdisjoint(('dim_x', 'dim_z')):
+            raise TypeError(
+                f'{cls.__name__}: filterpy has dim_x and dim_z, here a filter has a model: '
+                f'kr.{cls.__name__}(kr.discrete_model(F, G, Q)); belief and readings go into '
+                'predict(belief, u) and correct(belief, y, (H, R))'
+            )
+        return super().__new__(cls)
+
     def __post_init__(self) -> None:
         object.__setattr__(self, 'model', model_of(self.model))
         later = getattr(super(), '__post_init__', None)

@@ -205,3 +205,9 @@ def test_results_print_in_one_line():
     found = EKF.correct(START, [0.1, 0.0], ENCODERS)
     assert repr(found).startswith('Correction(innovation [0.1 0. ], NIS 0.99')
     assert '\n' not in repr(found)
+
+
+@pytest.mark.parametrize('name', ['KalmanFilter', 'ExtendedKalmanFilter', 'UnscentedKalmanFilter'])
+def test_the_arguments_of_filterpy_are_answered_with_ours(name):
+    with pytest.raises(TypeError, match=f'^{name}: filterpy has dim_x and dim_z, here'):
+        getattr(kr, name)(dim_x=2, dim_z=1)
