@@ -3,90 +3,20 @@
 
 import importlib.util
 import os
-import shutil
 import subprocess
 import sys
-import sysconfig
 from pathlib import Path
 
-import numpy as np
 import pytest
+from interfaces import ENVIRONMENT, PACKAGES, build, lacking, variables
 
 pytest.importorskip('rclpy')
 
 HERE = Path(__file__).parent
-ENVIRONMENT = Path(sys.prefix)
 TESTS = (
     'test_transforms_node.py', 'test_mounts_node.py', '../scenarios/test_two_estimators.py',
     'test_bond_node.py', 'test_geographic_services.py',
 )  # fmt: skip
-#: By package: what it needs, and its interfaces, as they are in the packages of these names.
-PACKAGES = {
-    'tf2_msgs': (
-        'geometry_msgs',
-        {'msg/TFMessage': 'geometry_msgs/TransformStamped[] transforms'},
-    ),
-    'bond': (
-        'std_msgs',
-        {
-            'msg/Status': 'std_msgs/Header header\nstring id\nstring instance_id\nbool active\n'
-            'float32 heartbeat_timeout\nfloat32 heartbeat_period'
-        },
-    ),
-    'geographic_msgs': (
-        'std_msgs',
-        {'msg/GeoPoint': 'float64 latitude\nfloat64 longitude\nfloat64 altitude'},
-    ),
-    'robot_localization': (
-        'geometry_msgs geographic_msgs',
-        {
-            'srv/ToLL': 'geometry_msgs/Point map_point\n---\ngeographic_msgs/GeoPoint ll_point',
-            'srv/FromLL': 'geographic_msgs/GeoPoint ll_point\n---\ngeometry_msgs/Point map_point',
-            'srv/ToLLArray': 'geometry_msgs/Point[] map_points\n---\n'
-            'geographic_msgs/GeoPoint[] ll_points',
-            'srv/FromLLArray': 'geographic_msgs/GeoPoint[] ll_points\n---\n'
-            'geometry_msgs/Point[] map_points',
-        },
-    ),
-}
-
-
-def write_package(folder, name, needs, interfaces):
-    """Write the source of a package that has nothing but interfaces."""
-    listed = ' '.join(f'"{path}.{path[:3]}"' for path in interfaces)
-    found = '\n'.join(f'find_package({each} REQUIRED)' for each in needs.split())
-    depends = '\n'.join(f'  <depend>{each}</depend>' for each in needs.split())
-    files = {
-        **{f'{path}.{path[:3]}': f'{text}\n' for path, text in interfaces.items()},
-        'CMakeLists.txt': f"""\
-cmake_minimum_required(VERSION 3.8)
-project({name})
-find_package(ament_cmake REQUIRED)
-{found}
-find_package(rosidl_default_generators REQUIRED)
-rosidl_generate_interfaces(${{PROJECT_NAME}} {listed} DEPENDENCIES {needs})
-ament_export_dependencies(rosidl_default_runtime)
-ament_package()
-""",
-        'package.xml': f"""\
-<package format="3">
-  <name>{name}</name>
-  <version>0.0.0</version>
-  <description>Interfaces for tests</description>
-  <maintainer email="nobody@example.org">nobody</maintainer>
-  <license>Apache-2.0</license>
-  <buildtool_depend>ament_cmake</buildtool_depend>
-  <build_depend>rosidl_default_generators</build_depend>
-{depends}
-  <member_of_group>rosidl_interface_packages</member_of_group>
-  <export><build_type>ament_cmake</build_type></export>
-</package>
-""",
-    }
-    for path, text in files.items():
-        file = folder / name / path
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(text)
 
 
 def reason_to_skip():
@@ -95,32 +25,7 @@ def reason_to_skip():
         return f'{", ".join(installed)} installed: the tests run as they are'
     if not (ENVIRONMENT / 'share' / 'rosidl_default_generators' / 'cmake').is_dir():
         return 'the generators are not installed: pip install -r .ci/tf2.txt'
-    lacking = [tool for tool in ('cmake', 'gcc', 'g++', 'make') if shutil.which(tool) is None]
-    return f'{", ".join(lacking)} missing' if lacking else ''
-
-
-def here(folder):
-    """Return a copy of the environment's prefix whose CMake files name this machine's folders.
-
-    The wheels have those of the machine on which they were built.
-    """
-    folder.mkdir()
-    for each in ENVIRONMENT.iterdir():
-        if each.name != 'share':
-            (folder / each.name).symlink_to(each)
-    shutil.copytree(ENVIRONMENT / 'share', folder / 'share', symlinks=True)
-    major, minor = sys.version_info[:2]
-    built, version = f'/opt/python/cp{major}{minor}-cp{major}{minor}', f'python{major}.{minor}'
-    wrong = {
-        f'{built}/include/{version}': sysconfig.get_paths()['include'],
-        f'{built}/lib/{version}/site-packages/numpy/_core/include': np.get_include(),
-    }
-    for path in (folder / 'share').glob('*/cmake/*.cmake'):
-        text = path.read_text()
-        for old, new in wrong.items():
-            text = text.replace(old, new)
-        path.write_text(text)
-    return folder
+    return f'{", ".join(lacking())} missing' if lacking() else ''
 
 
 @pytest.mark.thorough
@@ -128,29 +33,10 @@ def here(folder):
 @pytest.mark.timeout(400)
 @pytest.mark.skipif(bool(reason_to_skip()), reason=reason_to_skip())
 def test_what_needs_the_real_interfaces(tmp_path):
-    for name, (needs, interfaces) in PACKAGES.items():
-        write_package(tmp_path / 'src', name, needs, interfaces)
-    prefix = here(tmp_path / 'prefix')
-    clean = {
-        'HOME': os.environ.get('HOME', str(tmp_path)),
-        'PATH': f'{ENVIRONMENT / "bin"}:{os.environ["PATH"]}',
-        'AMENT_PREFIX_PATH': str(prefix),
-        'CMAKE_PREFIX_PATH': str(prefix),
-    }
-    build = subprocess.run(
-        [
-            sys.executable, '-m', 'colcon', 'build', '--merge-install', '--base-paths', 'src',
-            '--cmake-args', f'-DPython3_EXECUTABLE={sys.executable}', '-DBUILD_TESTING=OFF',
-        ],
-        cwd=tmp_path, env=clean, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert build.returncode == 0, build.stdout + build.stderr
     package = tmp_path / 'install'
-    (modules,) = package.glob('lib/python*/site-packages')
+    build(package, PACKAGES)
     environment = dict(os.environ)
-    for name, first in {
-        'PYTHONPATH': modules, 'LD_LIBRARY_PATH': package / 'lib', 'AMENT_PREFIX_PATH': package,
-    }.items():  # fmt: skip
+    for name, first in variables(package).items():
         environment[name] = f'{first}:{environment.get(name, "")}'
     run = subprocess.run(
         [
