@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Iterable, Iterator
 from math import isfinite
 from pathlib import Path
@@ -176,8 +177,11 @@ def names() -> Iterator[str]:
 
 
 def code(here: str) -> str:
-    """Return a name, or the name at the start of a phrase, as code."""
-    name, separator, rest = here.partition(', ')
+    """Return a name or a call at the start of a phrase as code."""
+    found = re.match(r'[\w.]+(\((?:[^()]|\([^()]*\))*\)(?:\.\w+(?:\([^()]*\))?)?)?', here)
+    assert found is not None
+    name, rest = found[0], here[found.end() :]
+    separator = ''
     return f'`kr.{name}`{separator}{rest}' if not name.startswith('model.') else f'`{here}`'
 
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -232,8 +232,43 @@ def belief_of(initial: Any, model: Dynamics, name: str = 'initial') -> Gaussian:
             f'{name}: expected a Gaussian or a pair of mean and covariance'
             f'{" at the first time" if name == "initial" else ""}, got {got(initial)}'
         )
-    mean = vector(f'{name} mean', np.ravel(numbers(f'{name} mean', initial[0])), n)
-    return Gaussian(mean, weight(f'{name} covariance', initial[1], n))
+    mean, covariance = initial[0], initial[1]
+    mean = by_name(f'{name} mean', mean, model.state)
+    covariance = by_name(f'{name} covariance', covariance, model.state)
+    mean = vector(f'{name} mean', np.ravel(numbers(f'{name} mean', mean)), n)
+    return Gaussian(mean, weight(f'{name} covariance', covariance, n))
+
+
+def by_name(what: str, value: Any, space: Space) -> Any:
+    """Return numbers in the order of a space, where a mapping or a table of pandas names them.
+
+    A table whose labels are none of the names, such as row numbers, is taken as it stands.
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown or missing.
+    """
+    if isinstance(value, Mapping):
+        labels, array = list(value), np.array(list(value.values()))
+    elif hasattr(value, 'to_numpy') and hasattr(value, 'index'):
+        labels, array = list(value.index), np.asarray(value.to_numpy())
+        if labels == list(range(len(labels))):
+            return array
+    else:
+        return value
+    order = [_places(what, labels, space)]
+    if hasattr(value, 'columns'):
+        order.append(_places(what, list(value.columns), space))
+    return array[np.ix_(*order)]
+
+
+def _places(what: str, labels: Sequence[Any], space: Space) -> list[int]:
+    """Return the places of the names of a space among labels, which must be these names."""
+    if sorted(map(str, labels)) != sorted(space.names):
+        expected, got = ', '.join(space.names), ', '.join(map(str, labels))
+        raise ValueError(f'{what}: expected {expected}, got {got}')
+    return [labels.index(name) for name in space.names]
 
 
 def number(name: str, value: Any, what: str = 'a number') -> float:

@@ -17,13 +17,16 @@ from kalman_ros.analysis import design_warnings
 from kalman_ros.analysis.design_report import DesignReport
 from kalman_ros.analysis.design_theory import report
 from kalman_ros.control.limiter import LIMITS
-from kalman_ros.core import Dynamics
+from kalman_ros.control.stability import Mode
+from kalman_ros.core import Array, Dynamics
+from kalman_ros.linear.structure import ComplexArray
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import limits
 
 from .accept import columns, number, rows, square
 from .estimates import _path
 from .foreign import is_foreign, read_system
+from .gain_results import InputMargins
 from .known_names import KnownNames
 from .scenarios import BELIEVED, make_scenario, values_of
 from .text import WIDTH
@@ -53,6 +56,48 @@ class Design(KnownNames):
         return list(
             design_warnings.warnings(self.report, self.delay or 1.0 / self.report.scenario.rate)
         )
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """The modes of the model, each with its pole and time constant."""
+        return self.report.modes
+
+    @property
+    def poles(self) -> ComplexArray:
+        """The poles of the model (n,), with both of each pair."""
+        poles = [pole for mode in self.modes for pole in {mode.pole, mode.pole.conjugate()}]
+        return np.array(poles, dtype=complex)
+
+    @property
+    def K(self) -> Array:  # noqa: N802
+        """The gain (m, n) of the regulator."""
+        if self.report.regulator is None:
+            raise ValueError('K: there is no input to regulate')
+        return self.report.regulator.feedback.gain
+
+    @property
+    def L(self) -> Mapping[str, Array]:  # noqa: N802
+        """The gain (n, k) of the estimator for each sensor."""
+        if self.report.estimator is None:
+            raise ValueError('L: the estimator has no steady state')
+        return self.report.estimator.gains
+
+    @property
+    def margins(self) -> dict[str, InputMargins]:
+        """The margins at each input, with the estimator where it has a steady state."""
+        found = {}
+        for loops in self.report.regulator.loops if self.report.regulator else ():
+            loop = loops.estimated or loops.known
+            at = loop.margins or loop.prompt
+            found[loops.input] = InputMargins(**vars(at), loop=loop.broken)
+        return found
+
+    @property
+    def std(self) -> Array:
+        """The standard deviations (n,) of the estimate, once it has settled."""
+        if self.report.estimator is None:
+            raise ValueError('std: the estimator has no steady state')
+        return self.report.estimator.std
 
     def __repr__(self) -> str:
         from rich.console import Console  # for people only

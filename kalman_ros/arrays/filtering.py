@@ -60,7 +60,8 @@ def filter(
         (N, m), each in effect from its time until the next, or one for all; zero by default.
     initial
         The belief at the first time, before its readings: a `Gaussian`, or a pair of mean and
-        covariance, which may be a number or a diagonal.
+        covariance, which may be a number or a diagonal; a mapping or a table of pandas by the
+        names of the states.
     filter
         ``'kf'``, ``'ekf'``, ``'ukf'``, ``'square_root'``, ``'gaussian_sum'``,
         ``'steady_state'`` or ``'luenberger'``;

@@ -126,8 +126,12 @@ class Margins:
     __repr__ = __str__  # what a notebook shows
 
 
+#: A bound from which on a loop has none, in degrees or seconds.
+_BEYOND = 1e6
+
+
 def _bound(value: float, unit: str) -> str:
-    return f'{value:.3g} {unit}' if np.isfinite(value) else 'any'
+    return f'{value:.3g} {unit}' if value < _BEYOND else 'any'
 
 
 def margins(loop: StateSpace) -> Margins:

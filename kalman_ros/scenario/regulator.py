@@ -62,7 +62,8 @@ def feedback(scenario: Scenario) -> Feedback:
         raise DesignError('model: it has no input, so there is nothing to control')
     if not is_still(model, model.equilibrium):
         raise DesignError(
-            f'model: it does not rest at its equilibrium: {unrest(model, model.equilibrium)}'
+            f'model: it does not rest at its equilibrium: {unrest(model, model.equilibrium)}; '
+            'kr.trim(model) finds where it does'
         )
     if model.is_discrete:
         if scenario.law != 'lqr':

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from statistics import median
 
+import numpy as np
 import pytest
 
 import kalman_ros as kr
@@ -103,3 +104,20 @@ def test_run_without_a_sourced_workspace_says_what_to_do():
         'try: kr.Run()\nexcept RuntimeError as error: print(error)'
     )
     assert 'build it with colcon and source install/setup.bash' in run(code).stdout
+
+
+def test_a_design_has_what_it_prints():
+    design = kr.design('cart_pole')
+    report = design.report
+    np.testing.assert_array_equal(design.K, report.regulator.feedback.gain)
+    np.testing.assert_array_equal(design.L['joint_states'], report.estimator.gains['joint_states'])
+    np.testing.assert_array_equal(design.std, report.estimator.std)
+    A = kr.linearize(kr.load('cart_pole').model).A
+    np.testing.assert_allclose(np.sort(design.poles.real), np.sort(np.linalg.eigvals(A).real))
+    (at,) = design.margins.values()
+    assert f'{at.lag.value * 180 / np.pi:.3g}' in repr(design)
+    spring = kr.design('mass_spring_damper')
+    assert len(spring.poles) == 2 and spring.poles[0] == spring.poles[1].conjugate()
+    blind = kr.design('constant_velocity')
+    with pytest.raises(ValueError, match='there is no input'):
+        _ = blind.K

@@ -274,3 +274,38 @@ def test_a_dataframe_needs_pandas(monkeypatch):
     monkeypatch.setitem(__import__('sys').modules, 'pandas', None)
     with pytest.raises(ModuleNotFoundError, match='pip install pandas'):
         EXPECTED.to_dataframe()
+
+
+NAMED = kr.continuous_model([[0, 1], [0, 0]], W=0.1, states=['p', 'v'])
+
+
+class Column:
+    """As much of a Series as is used."""
+
+    def __init__(self, values, index):
+        self.index, self._values = list(index), np.asarray(values)
+
+    def to_numpy(self):
+        return self._values
+
+
+@pytest.mark.parametrize(
+    'initial',
+    [
+        (Column([1.0, 0.0], 'vp'), Column([9.0, 0.01], 'vp')),
+        ({'v': 1.0, 'p': 0.0}, {'v': 9.0, 'p': 0.01}),
+        ([0.0, 1.0], Table({'v': [9.0, 0.0], 'p': [0.0, 0.01]}, ['v', 'p'])),
+        ([0.0, 1.0], Table({'p': [0.0, 0.01], 'v': [9.0, 0.0]}, ['v', 'p'])),
+        (Column([0.0, 1.0], range(2)), Table({0: [0.01, 0.0], 1: [0.0, 9.0]}, range(2))),
+    ],
+)
+def test_a_belief_goes_by_the_names_of_the_states(initial):
+    scenario = kr.make_scenario(NAMED, ([1, 0], 0.1), rate=10, initial=initial)
+    assert scenario.initial_belief.mean.tolist() == [0.0, 1.0]
+    np.testing.assert_allclose(scenario.initial_belief.covariance, np.diag([0.01, 9.0]))
+
+
+@pytest.mark.parametrize('mean', [Column([1.0, 0.0], 'ap'), {'p': 0.0}])
+def test_a_belief_about_other_states_is_refused(mean):
+    with pytest.raises(ValueError, match='^initial mean: expected p, v, got '):
+        kr.make_scenario(NAMED, ([1, 0], 0.1), rate=10, initial=(mean, 1.0))
