@@ -158,6 +158,12 @@ def design(
         If the scenario is wrong, or no sensor is on.
     DesignError
         If the input cannot stabilise the model, or no sensor observes a growing mode.
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> kr.design('cart_pole').K.round(1)
+    array([[-62. , -33.5,  95.1,  18.8]])
     """
     parameters = None
     if overrides is None and is_foreign(scenario) and not isinstance(scenario, Dynamics):

@@ -81,6 +81,15 @@ def filter(
     ------
     ValueError
         If an argument is invalid; the message names it.
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> model = kr.continuous_model([[0, 1], [0, 0]], W=[0, 0.1])
+    >>> times, readings = [0, 0.1, 0.2], [0, 0.11, 0.19]
+    >>> found = kr.filter(model, ([1, 0], 0.01), times, readings, initial=([0, 1], 0.1))
+    >>> found.mean[-1].round(3)
+    array([0.199, 0.991])
     """
     if not isinstance(filter, str):
         raise ValueError(f"filter: expected a name such as 'ekf', got {got(filter)}")
@@ -120,6 +129,15 @@ def smooth(estimates: Estimates) -> Estimates:
     ------
     ValueError
         If the estimates are not those of `filter` with a kf, ekf or ukf.
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> model = kr.continuous_model([[0, 1], [0, 0]], W=[0, 0.1])
+    >>> times, readings = [0, 0.1, 0.2], [0, 0.11, 0.19]
+    >>> found = kr.filter(model, ([1, 0], 0.01), times, readings, initial=([0, 1], 0.1))
+    >>> kr.smooth(found).mean[0].round(3)
+    array([0.001, 0.992])
     """
     if not isinstance(estimates, Estimates) or estimates.smoothed:
         what = 'smoothed ones' if isinstance(estimates, Estimates) else got(estimates)

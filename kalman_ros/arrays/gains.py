@@ -73,6 +73,12 @@ def lqr(
     DesignError
         If no gain stabilises the system with these weights, or one is not positive
         (semi-)definite, or of an absurd size.
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> kr.lqr([[0, 1], [0, 0]], [0, 1], 1, 1).K.round(4)
+    array([[1.    , 1.7321]])
     """
     B, Q, R, N = shifted(A, (B, Q, R, N))
     found = plant(A, B)
@@ -101,6 +107,12 @@ def dlqr(
 
     Parameters and errors are those of `lqr`; ``dt``, the sample time in seconds, 1 by default,
     affects only the delay margin and frequencies.
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> kr.dlqr([[1, 0.1], [0, 1]], [0.005, 0.1], 1, 1).K.round(4)
+    array([[0.9171, 1.6356]])
     """
     refuse_continuous('F', F)
     G, Q, R, N = shifted(F, (G, Q, R, N))
@@ -154,6 +166,12 @@ def place(
         If the number of poles is wrong, or a conjugate is missing.
     DesignError
         If the input does not move every mode.
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> kr.place([[0, 1], [0, 0]], [0, 1], [-1, -2]).K.round(4)
+    array([[2., 3.]])
     """
     B, poles = shifted(A, (B, poles))
     found = plant(A, B)
@@ -194,6 +212,12 @@ def margins(
         If sizes do not match.
     DesignError
         If the closed loop is not stable.
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> kr.margins([[0, 1], [0, 0]], [0, 1], [1, 1.7])
+    gain 0 to inf, lead any, lag 71.8 deg, delay 0.7 s, disk 1.3, min|1 + L| 1
     """
     if isinstance(A, StateFeedback):
         if any(given is not None for given in (B, C, D, dt)):
@@ -226,6 +250,12 @@ def discretize(
     ------
     ValueError
         If a size is wrong or ``dt`` is not positive.
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> kr.discretize([[0, 1], [0, 0]], [0, 1], 0.1).G.ravel()
+    array([0.005, 0.1  ])
     """
     if isinstance(A, Dynamics):
         seconds = duration('dt', B if dt is None else dt)

@@ -51,6 +51,12 @@ def lqe(
         If a size is wrong, or W, V and N are no covariance.
     DesignError
         If the readings cannot keep the error of some mode bounded.
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> kr.lqe([[0, 1], [0, 0]], [1, 0], [0, 1], 1).L.round(4).ravel()
+    array([1.4142, 1.    ])
     """
     if isinstance(A, Dynamics):
         return _of_model(A, G, dt)
@@ -86,6 +92,12 @@ def dlqe(
 
     ``dlqe(F, C, Q, R)``, or ``dlqe(F, G, C, Q, R)`` and ``dlqe(system, Q, R)`` as in
     python-control. Q and R are the covariances of w and v; otherwise as for `lqe`.
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> kr.dlqe([[1, 0.1], [0, 1]], [1, 0], [0, 0.1], 1).gain.round(4).ravel()
+    array([0.2226, 0.2788])
     """
     if isinstance(F, Dynamics):
         return _of_model(F, G, dt)

@@ -79,6 +79,13 @@ def continuous_model(
     ValueError
         If a size is wrong, the model does not rest at its equilibrium, W is not positive
         semi-definite, or a system is in discrete time.
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> model = kr.continuous_model([[0, 1], [0, 0]], [0, 1], W=[0, 0.1], states='x [m] v [m/s]')
+    >>> model.state.names
+    ('x', 'v')
     """
     A, B, W, _ = _parts(('A', 'B', 'W', 'continuous_model'), (A, B, W), sampled=False)
     if callable(A):
@@ -108,6 +115,12 @@ def discrete_model(
 
     ``discrete_model(F, G, Q)``, with the covariance Q (n, n) of w; otherwise as for
     `continuous_model`. The period is that of a system, or 1 s.
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> kr.discrete_model([[1, 0.1], [0, 1]], Q=[0, 0.01], period=0.1).period
+    0.1
     """
     F, G, Q, dt = _parts(('F', 'G', 'Q', 'discrete_model'), (F, G, Q), sampled=True)
     period = duration('period', dt or 1.0 if period is None else period)
@@ -173,6 +186,12 @@ def sensor(
     ------
     ValueError
         If a size is wrong, or R is not positive definite.
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> kr.sensor([1, 0], 0.25, 'gps')
+    MatrixSensor 'gps'(reads: gps; covariance: [[0.25]])
     """
     if not name:
         raise ValueError("name: expected a word, such as 'gps', got ''")

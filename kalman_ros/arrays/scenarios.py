@@ -56,6 +56,12 @@ def load(
     ------
     ValueError
         If the name is unknown, or a parameter is wrong.
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> kr.load('cart_pole').model.state.names
+    ('x', 'v', 'theta', 'omega')
     """
     if isinstance(given, Scenario):
         if overrides:
@@ -150,6 +156,17 @@ def make_scenario(
     ------
     ValueError
         If an argument is invalid; the message names it.
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> model = kr.continuous_model([[0, 1], [0, 0]], [0, 1], W=[0, 0.1], states='x [m] v [m/s]')
+    >>> kr.make_scenario(model, ([1, 0], 0.01), rate=10)
+    LinearSystem at 10 Hz, filter kf, law lqr
+    states: x [m], v [m/s]
+    input: u0
+    sensors: y: y at 10 Hz
+    initial: mean [0.0, 0.0], std [1.0, 1.0]
     """
     model = model_of(model)
     if rate is None:

@@ -131,6 +131,13 @@ def simulate(
         If an argument is invalid, or no input holds the reference.
     DesignError
         If the law has no solution.
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> run = kr.simulate('cart_pole', seconds=5, seed=1)
+    >>> bool(kr.consistency(run))
+    True
     """
     given = Given(reference, gain, input_limit, input_rate_limit)
     loop, _ = loop_of(scenario, overrides, given, duration('seconds', seconds))
