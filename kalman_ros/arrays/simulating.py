@@ -73,7 +73,7 @@ class SimulatedRun(KnownNames, Trajectory):
         return '\n'.join(lines)
 
     def plot(self, path: str | Path | None = None, what: str = 'overview') -> Any:
-        """Draw one of the pictures of the demo.
+        """Draw one of the pictures of the demo; the overview with the inputs, too.
 
         ``what`` is ``'overview'``, ``'states'``, ``'errors'``, ``'gains'``, ``'innovations'`` or
         ``'force'``.
@@ -88,6 +88,8 @@ class SimulatedRun(KnownNames, Trajectory):
         refuse_unknown([what], PICTURES, 'picture')
         if what == 'force' and not self.scenario.model.input.size:
             raise ValueError('plot: there is no force, for the model has no input')
+        if what == 'overview':
+            return run_pictures.overview(self.scenario, self, _path(path), inputs=True)
         return getattr(run_pictures, what)(self.scenario, self, _path(path))
 
 

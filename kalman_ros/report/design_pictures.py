@@ -43,6 +43,9 @@ GROWTH = '#f6e9e2'
 #: Range of the gains that are drawn, in dB.
 GAINS = (-45.0, 45.0)
 
+#: What pictures of loops show.
+_LOOPS = 'How far gain and phase of the loop may change before it is unstable.'
+
 #: Number of frequencies of a response.
 _POINTS = 800
 
@@ -67,7 +70,8 @@ def poles(report: DesignReport, path: Path | None) -> None:
         groups.append(('regulator', report.regulator.modes, 's', INPUT))
     if report.estimator:
         groups.append(('estimator', report.estimator.modes, 'o', ESTIMATE))
-    with canvas(path, (6.4, 4.4)) as figure:
+    shows = 'Where the model, the regulator and the estimator have their poles: left decays.'
+    with canvas(path, (6.4, 4.4), shows) as figure:
         axis = figure.add_subplot()
         all_poles = np.concatenate([_all_poles(modes) for _, modes, _, _ in groups])
         reach = float(np.abs(all_poles).max()) or 1.0
@@ -143,7 +147,7 @@ def _settled(time: Array, std: Array) -> float:
 def loops(report: DesignReport, path: Path | None) -> None:
     """Draw Bode and Nyquist plots at each input, for feedback of the state and of the estimate."""
     channels = report.regulator.loops if report.regulator else ()
-    with canvas(path, (9.5, 4.0 * len(channels) + 0.3)) as figure:
+    with canvas(path, (9.5, 4.0 * len(channels) + 0.3), _LOOPS) as figure:
         parts = figure.subfigures(len(channels), 1, squeeze=False)[:, 0]
         known, estimated = loop_names(report.scenario.law)
         names = f'{known}, all states known', f'{estimated}, with the estimate'
@@ -164,7 +168,7 @@ def feedback_loops(channels: Sequence[InputLoops], rate: float, path: Path | Non
     path
         Where to save the picture; None to show it.
     """
-    with canvas(path, (9.5, 4.0 * len(channels) + 0.3)) as figure:
+    with canvas(path, (9.5, 4.0 * len(channels) + 0.3), _LOOPS) as figure:
         parts = figure.subfigures(len(channels), 1, squeeze=False)[:, 0]
         for part, channel in zip(parts, channels):
             _draw_input(part, channel, ('u = -K x', ''), rate)

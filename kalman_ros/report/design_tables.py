@@ -220,9 +220,12 @@ def _unlimited_sheet(report: DesignReport) -> Sheet:
     assert report.unlimited is not None
     space, rest = report.scenario.model.state, report.point.state
     below, above = report.unlimited.T
+    names = [space.label(name) for name in space.names]
+    if np.allclose(below, above, rtol=1e-9, equal_nan=True) and not rest.any():
+        return Sheet(names, [('±', [f'{value:.4g}' for value in above.tolist()])])
     ends = [('from', rest - below), ('to', rest + above)]
     return Sheet(
-        [space.label(name) for name in space.names],
+        names,
         [(title, [f'{value:.4g}' for value in values.tolist()]) for title, values in ends],
     )
 

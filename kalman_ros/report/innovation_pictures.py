@@ -42,7 +42,13 @@ def innovations(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
     ]
     size = (9.5, 1.5 * max(1, len(rows)) + 0.7)
     ratios = {'width_ratios': (4.0, 1.1, 1.5)}
-    with figure_with(path, max(1, len(rows)), 3, size, gridspec_kw=ratios) as (figure, axes):
+    shows = (
+        'Readings minus their predictions: inside the bounds, Gaussian and white if all is right.'
+    )
+    with figure_with(path, max(1, len(rows)), 3, size, shows, gridspec_kw=ratios) as (
+        figure,
+        axes,
+    ):
         for row, (name, column) in zip(axes, rows):
             series = run.innovations[name]
             output = scenario.sensors[name].sensor.output

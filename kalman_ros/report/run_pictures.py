@@ -97,15 +97,25 @@ def _unwrap_near(angle: Array, reference: Array) -> Array:
     return reference + (angle - reference + np.pi) % (2.0 * np.pi) - np.pi
 
 
-def overview(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
-    """Draw truth, readings and estimate with its band in a compact figure, two states per row."""
+def overview(
+    scenario: Scenario, run: Trajectory, path: Path | None, *, inputs: bool = False
+) -> Any:
+    """Draw truth, readings and estimate with its band in a compact figure, two states per row.
+
+    With ``inputs`` the inputs follow the states.
+    """
     space, readings = scenario.model.state, _read_states(scenario, run)
-    columns = min(2, space.size)
-    rows = ceil(space.size / columns)
+    pushed = scenario.model.input if inputs else Space((), ())
+    count = space.size + pushed.size
+    columns = min(2, count)
+    rows = ceil(count / columns)
     shows = f'Each state: the estimate with its band of {SIGMAS:g} sigma, on the truth.'
     with picture(path, rows, columns, (6.8, 1.2 * rows + 0.9), shows) as (figure, axes):
-        if space.size % columns:
+        if count % columns:
             _widen_last(figure, axes)
+        for index, axis in zip(range(pushed.size), axes.flat[space.size :]):
+            axis.step(run.time, run.input[:, index], where='post', color=INPUT, lw=0.8)
+            axis.set_ylabel(pushed.label(pushed.names[index]))
         for index, (name, axis) in enumerate(zip(space.names, axes.flat)):
             shown = readings.get(name)
             if shown is not None:  # at most as many readings as can be distinguished

@@ -63,7 +63,8 @@ def states(replayed: Replayed, path: Path) -> None:
     part = _every_kth(len(beliefs.time))
     time, mean, std = beliefs.time[part], beliefs.mean[part], beliefs.std[part]
     truth = None if replayed.truth is None else replayed.truth.at(replayed.scenario, time)
-    with picture(path, space.size, 1, (8.0, 1.5 * space.size + 0.6)) as (figure, axes):
+    shows = 'Each state as the estimator believes it, with its band and what was read.'
+    with picture(path, space.size, 1, (8.0, 1.5 * space.size + 0.9), shows) as (figure, axes):
         for index, (name, axis) in enumerate(zip(space.names, axes[:, 0])):
             _readings(replayed, name, axis)
             x, band = mean[:, index], SIGMAS * std[:, index]
@@ -106,7 +107,8 @@ def innovations(replayed: Replayed, path: Path) -> None:
         for column in range(sensor.value.shape[1])
         if np.isfinite(sensor.nis).any()
     ]
-    with picture(path, len(rows), 1, (8.0, 1.5 * len(rows) + 0.6)) as (figure, axes):
+    shows = 'What each reading surprised the filter by, inside what it expects.'
+    with picture(path, len(rows), 1, (8.0, 1.5 * len(rows) + 0.9), shows) as (figure, axes):
         for axis, (name, column) in zip(axes[:, 0], rows):
             sensor = replayed.sensors[name]
             part = _every_kth(len(sensor.stamp))
@@ -126,7 +128,8 @@ def consistency(replayed: Replayed, path: Path) -> None:
     """Draw the NIS of each sensor in time, and the autocorrelation of its innovations."""
     names = [name for name, s in replayed.sensors.items() if np.isfinite(s.nis).any()]
     size = (9.5, 1.8 * len(names) + 0.6)
-    with figure_with(path, len(names), 2, size) as (_, axes):
+    shows = 'Whether innovations are as large as the filter expects, and independent.'
+    with figure_with(path, len(names), 2, size, shows) as (_, axes):
         for (left, right), name in zip(axes, names):
             sensor = replayed.sensors[name]
             use, k = np.isfinite(sensor.nis), sensor.value.shape[1]
@@ -155,7 +158,8 @@ def consistency(replayed: Replayed, path: Path) -> None:
 def delays(replayed: Replayed, path: Path) -> None:
     """Draw the delay of each reading from its stamp to its reception."""
     names = list(replayed.sensors)
-    with picture(path, len(names), 1, (8.0, 1.3 * len(names) + 0.6)) as (_, axes):
+    shows = 'How long each reading took from its stamp to the recorder.'
+    with picture(path, len(names), 1, (8.0, 1.3 * len(names) + 0.9), shows) as (_, axes):
         for axis, name in zip(axes[:, 0], names):
             sensor = replayed.sensors[name]
             part = _every_kth(len(sensor.stamp))
@@ -172,7 +176,7 @@ def plan_view(replayed: Replayed, path: Path) -> None:
     x, y = both
     mean = replayed.beliefs.mean
     part = _every_kth(len(mean))
-    with figure_with(path, 1, 1, (6.0, 6.0)) as (figure, axes):
+    with figure_with(path, 1, 1, (6.0, 6.0), 'Where the body was, from above.') as (figure, axes):
         axis = axes[0, 0]
         if replayed.truth is not None:
             truth = replayed.truth.state[_every_kth(len(replayed.truth.state))]
@@ -198,7 +202,8 @@ def against(replayed: Replayed, found: Comparison, path: Path) -> None:
     there = other.at(shown.time)
     if apart.aligned:
         shown = shown.aligned_with(there)
-    with figure_with(path, 1, 2, (11.0, 5.0)) as (figure, axes):
+    shows = f'Where the estimate and {found.topic} were, and how far apart.'
+    with figure_with(path, 1, 2, (11.0, 5.2), shows) as (figure, axes):
         left, right = axes[0]
         for each, color, label in (
             (truth, TRUTH, 'truth'), (other, READING, found.topic), (shown, ESTIMATE, 'estimate'),
