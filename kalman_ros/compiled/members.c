@@ -30,22 +30,28 @@ void linearized_steps(double *v, long count, double dt, double max_step, const d
     }
 }
 
-/* here v holds a covariance of each member, too, and receives x' and F P F' + Q */
-FAST void predictions(double *v, long count, double dt, double max_step, const double *first, long sets)
+/* here v holds a covariance of each member, too, and receives x' and F P F' + Q after a number of
+ * steps of length dt */
+FAST void predictions(double *v, long count, double dt, double max_step, long number,
+                      const double *first, long sets)
 {
     const double *x = v, *u = x + count * N, *p = first, *P = u + count * M;
     double *moved = v + count * (N + M + N * N), *out = moved + count * N;
     double F[N * N], Q[N * N], FP[N * N];
     EACH(k, count) {
-        int failed = linearize(x, u, dt, max_step, p, moved, F, Q);
-        dense_product(F, P, FP);
-        for (int i = 0; i < N; i++)
-            for (int j = 0; j <= i; j++) {
-                double sum = 0.5 * (Q[i * N + j] + Q[j * N + i]);
-                for (int l = 0; l < N; l++)
-                    sum += FP[i * N + l] * F[j * N + l];
-                out[i * N + j] = out[j * N + i] = failed ? NAN : sum;
-            }
+        const double *from = x, *before = P;
+        int failed = 0;
+        for (long step = 0; step < number; step++, from = moved, before = out) {
+            failed |= linearize(from, u, dt, max_step, p, moved, F, Q);
+            dense_product(F, before, FP);
+            for (int i = 0; i < N; i++)
+                for (int j = 0; j <= i; j++) {
+                    double sum = 0.5 * (Q[i * N + j] + Q[j * N + i]);
+                    for (int l = 0; l < N; l++)
+                        sum += FP[i * N + l] * F[j * N + l];
+                    out[i * N + j] = out[j * N + i] = failed ? NAN : sum;
+                }
+        }
         moved += N, P += N * N, out += N * N;
     }
 }

@@ -104,22 +104,30 @@ class NativeModel(_Numbered, Model):
         function(_address(_memory(v)), count, *arguments, self._c_p, self._c_sets)
         return v[last:-1]
 
-    def predicted_moments(self, x: Array, P: Array, u: Array, dt: float) -> tuple[Array, Array]:
-        """Return means (..., n) and covariances (..., n, n) after a linearised step."""
-        if x.ndim == 1:
-            return super().predicted_moments(x, P, u, dt)
+    def predicted_moments(
+        self, x: Array, P: Array, u: Array, dt: float, number: int = 1
+    ) -> tuple[Array, Array]:
+        """Return means (..., n) and covariances (..., n, n) after linearised steps."""
+        if x.ndim == 1 and (number == 1 or (x.shape, u.shape) != self._c_shapes):
+            return super().predicted_moments(x, P, u, dt, number)
         n, u = x.shape[-1], like(u, x)
         covariances = np.broadcast_to(P, (*x.shape, n))
         step = self._c_library.predictions
-        found = self._c_called(step, x, u, n + n * n, dt, self.max_step, behind=covariances)
+        lengths = dt, self.max_step, number
+        found = self._c_called(step, x, u, n + n * n, *lengths, behind=covariances)
         if found is None:
             raise ValueError(f'x, u: expected (..., n) and (..., m), got {x.shape}, {u.shape}')
         mean, covariance = found[: x.size], found[x.size :].reshape(-1, n, n)
+        if not is_finite(found) and x.ndim == 1:
+            return super().predicted_moments(x, P, u, dt, number)
         if not is_finite(found):
             points, before = x.reshape(-1, n), covariances.reshape(-1, n, n)
             for k, original in self._c_lost(covariance, NativeModel):
-                F, Q = _linearized(original, points[k], u.reshape(len(points), -1)[k], dt)
-                covariance[k] = F @ before[k] @ F.T + Q
+                at, C, input = points[k], before[k], u.reshape(len(points), -1)[k]
+                for _ in range(number):
+                    F, Q = _linearized(original, at, input, dt)
+                    at, C = original.step(at, input, dt), F @ C @ F.T + Q
+                covariance[k] = C
         return mean.reshape(x.shape), covariance.reshape(covariances.shape)
 
     def derivative(self, x: Array, u: Array) -> Array:
@@ -277,7 +285,7 @@ def native_model(model: Model, *, wait: bool = True) -> Model:
     _declare(library.rates)
     _declare(library.steps, _NUMBER, _NUMBER)
     _declare(library.linearized_steps, _NUMBER, _NUMBER)
-    _declare(library.predictions, _NUMBER, _NUMBER)
+    _declare(library.predictions, _NUMBER, _NUMBER, ctypes.c_long)
     found: Model = derive(
         NativeModel,
         model,

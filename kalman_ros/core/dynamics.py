@@ -104,10 +104,14 @@ class Dynamics(ABC):
         """Return the covariance Q (n, n) that the noise adds in a step ``dt`` from x (n,)."""
         return self.transition(x, u, dt).Q
 
-    def predicted_moments(self, x: Array, P: Array, u: Array, dt: float) -> tuple[Array, Array]:
-        """Return the state after a step, and F P F' + Q of its linearisation."""
-        moved, F, Q = self.linearized_step(x, u, dt)
-        return moved, kernels(x).sandwich(F, P, Q)
+    def predicted_moments(
+        self, x: Array, P: Array, u: Array, dt: float, number: int = 1
+    ) -> tuple[Array, Array]:
+        """Return the state after steps of length ``dt``, and F P F' + Q of each, in turn."""
+        for _ in range(number):
+            x, F, Q = self.linearized_step(x, u, dt)
+            P = kernels(x).sandwich(F, P, Q)
+        return x, P
 
     def step_noise(self, x: Array, u: Array, dt: float) -> Array:
         """Return the Q of `linearized_step`."""

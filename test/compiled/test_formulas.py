@@ -115,10 +115,31 @@ def test_every_shipped_model_moves_any_number_of_states(name):
         ([fast.step(x, u, dt)], [plain.step(x, u, dt)]),
         (fast.linearized_step(x, u, dt), plain.linearized_step(x, u, dt)),
         (fast.predicted_moments(x, P, u, dt), plain.predicted_moments(x, P, u, dt)),
+        (fast.predicted_moments(x, P, u, dt, 4), plain.predicted_moments(x, P, u, dt, 4)),
         ([fast.step_noise(x, u, 1e-6)], [plain.step_noise(x, u, 1e-6)]),
     ):
         for one, other in zip(mine, theirs):
             assert_same(one, np.broadcast_to(other, one.shape))
+
+
+@C
+@pytest.mark.parametrize('name', NONLINEAR)
+def test_several_steps_at_once_are_those_one_by_one(name):
+    model = believed(name).model
+    if isinstance(model, LinearSystem):
+        pytest.skip('the model is linear')
+    found, rng = compiled(model), np.random.default_rng(4)
+    for x, u in zip(*points(model)):
+        P = rng.standard_normal((x.size, x.size))
+        P = P @ P.T
+        at_once = found.predicted_moments(x, P, u, 0.013, 5)
+        for mine, theirs in zip(at_once, model.predicted_moments(x, P, u, 0.013, 5)):
+            assert_same(mine, theirs)
+        mean, covariance = x, P
+        for _ in range(5):
+            mean, covariance = found.predicted_moments(mean, covariance, u, 0.013)
+        assert_same(at_once[0], mean)
+        assert_same(at_once[1], covariance)
 
 
 @pytest.mark.parametrize(('name', 'arithmetic'), kinds(NONLINEAR))

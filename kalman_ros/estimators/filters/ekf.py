@@ -24,11 +24,8 @@ class ExtendedKalmanFilter(LinearUpdate):
 
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
         """Return x = step(x, u), P = F P F' + Q, in steps of the model's ``max_step``."""
-        x, P = belief
-        model, count = self.model, parts(self.model, dt)
-        for _ in range(count):
-            x, P = model.predicted_moments(x, P, u, dt / count)
-        return unchecked((x, P))
+        count = parts(self.model, dt)
+        return unchecked(self.model.predicted_moments(*belief, u, dt / count, count))
 
     def linearized(self, belief: Gaussian, u: Array, dt: float) -> Prediction:
         """Return the prediction, with F <- F_k F and Q <- F_k Q F_k' + Q_k over its steps."""
