@@ -37,6 +37,8 @@ PACKAGES = {
         {
             'srv/ToLL': 'geometry_msgs/Point map_point\n---\ngeographic_msgs/GeoPoint ll_point',
             'srv/FromLL': 'geographic_msgs/GeoPoint ll_point\n---\ngeometry_msgs/Point map_point',
+            'srv/SetPose': 'geometry_msgs/PoseWithCovarianceStamped pose\n---',
+            'srv/ToggleFilterProcessing': 'bool on\n---\nbool status',
             'srv/ToLLArray': 'geometry_msgs/Point[] map_points\n---\n'
             'geographic_msgs/GeoPoint[] ll_points',
             'srv/FromLLArray': 'geographic_msgs/GeoPoint[] ll_points\n---\n'

@@ -122,6 +122,7 @@ def test_noise_in_common_is_found_where_nothing_else_is_wrong(spring):
     assert common_noise.find(Examination(spring)) == []
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_lever_arm_is_found_with_its_length():
     field = recorded('gnss_imu', None, 60.0, 5)

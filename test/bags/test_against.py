@@ -83,6 +83,7 @@ def test_both_are_compared_with_the_truth_and_with_each_other(bag):
     assert run.true_poses.covariance is None
 
 
+@pytest.mark.slow
 def test_the_program_prints_where_they_part_most_and_why(bag, tmp_path, capsys, monkeypatch):
     monkeypatch.setenv('COLUMNS', '100')
     file = tmp_path / 'robot.yaml'
@@ -120,6 +121,7 @@ def test_what_is_no_pose_is_refused(bag, topic, why):
         replay(bag, ROBOT, against=topic)
 
 
+@pytest.mark.slow
 def test_a_file_of_theirs_is_compared_with_their_filter(bag, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv('COLUMNS', '100')

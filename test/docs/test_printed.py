@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rich.console import Console
+from thorough import thorough
 
 pytest.importorskip('rclpy')
 
@@ -45,7 +46,7 @@ def contains(printed, lines):
     ('page', 'first', 'argv'),
     [
         ('how_to/design.md', 'Standard deviations', ['cart_pole']),
-        (
+        thorough(
             'how_to/robust.md', 'Worst case over pole_mass',
             ['cart_pole', '--within', 'pole_mass=0.15..0.25', '--within', 'length=0.25..0.35'],
         ),

@@ -14,8 +14,15 @@ INSTALLED = importlib.util.find_spec('robot_localization') is not None
 @pytest.mark.skipif(not INSTALLED, reason='robot_localization is not installed')
 def test_the_services_have_the_names_and_types_that_nav2_calls(pair):
     from geographic_msgs.msg import GeoPoint
-    from geometry_msgs.msg import Point
-    from robot_localization.srv import FromLL, FromLLArray, ToLL, ToLLArray
+    from geometry_msgs.msg import Point, PoseWithCovarianceStamped
+    from robot_localization.srv import (
+        FromLL,
+        FromLLArray,
+        SetPose,
+        ToggleFilterProcessing,
+        ToLL,
+        ToLLArray,
+    )
 
     found = pair(EstimatorNode, file=str(shipped.file('navsat')))
 
@@ -26,6 +33,13 @@ def test_the_services_have_the_names_and_types_that_nav2_calls(pair):
         found.until(lambda: (found.spin_peer(), future.done())[1], f'no answer of {name}')
         return future.result()
 
+    pose = PoseWithCovarianceStamped()
+    pose.pose.pose.position.x, pose.pose.pose.orientation.w = 7.0, 1.0
+    call(SetPose, '/set_pose', pose=pose)
+    assert found.node._online.belief.mean[0] == 7.0
+    assert call(ToggleFilterProcessing, '/toggle', on=False).status
+    assert not found.node._fuser.fusing
+    assert call(ToggleFilterProcessing, '/toggle', on=True).status
     datum = GeoPoint(latitude=49.8728, longitude=8.6512, altitude=144.0)
     point = call(FromLL, '/fromLL', ll_point=datum).map_point
     assert (point.x, point.y, point.z) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from functools import partial
 from importlib import import_module
 from math import isnan, nan
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -72,8 +71,8 @@ class GeographicServer:
         node.create_subscription(NavSatFix, FROM_LL, self._on_fix, QUEUE)
         self._fixes = node.create_publisher(NavSatFix, ANSWERS[TO_LL], QUEUE)
         self._points = node.create_publisher(PointStamped, ANSWERS[FROM_LL], QUEUE)
-        types = service_types()
-        if types is None:
+        types = {kind: service_type(kind) for kind in SERVICES}
+        if None in types.values():
             node.get_logger().info(
                 f'no services {", ".join(SERVICES.values())}: robot_localization, which has '
                 f'their types, is not installed; topics: {TO_LL}, {FROM_LL}'
@@ -87,7 +86,7 @@ class GeographicServer:
             'FromLLArray': self._from_ll_array,
         }
         for kind, answer in answers.items():
-            node.create_service(getattr(types, kind), SERVICES[kind], answer)
+            node.create_service(types[kind], SERVICES[kind], answer)
 
     def _on_point(self, message: PointStamped) -> None:
         given = message.header.frame_id.lstrip('/')
@@ -159,12 +158,9 @@ def _point(local: tuple[float, ...]) -> Point:
     return Point(**dict(zip('xyz', local)))
 
 
-def service_types() -> ModuleType | None:
-    """Return the module of ``robot_localization``'s services; None if it cannot be used."""
+def service_type(kind: str) -> Any:
+    """Return a type of ``robot_localization``'s services; None if it cannot be used."""
     try:
-        found = import_module('robot_localization.srv')
-        for kind in SERVICES:
-            getattr(found, kind)
+        return getattr(import_module('robot_localization.srv'), kind)
     except (ImportError, AttributeError, UnsupportedTypeSupport):
         return None
-    return found

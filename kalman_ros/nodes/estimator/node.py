@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from rclpy.serialization import serialize_message
 from std_srvs.srv import SetBool, Trigger
 
 from kalman_ros.analysis.observability import observability
@@ -29,7 +30,7 @@ from kalman_ros.scenario import Scenario
 
 from .changeover import Changeover
 from .channel import InputChannel, SensorChannel
-from .geographic import GeographicServer
+from .geographic import GeographicServer, service_type
 from .health import Health
 from .intake import LockstepIntake, RealTimeIntake
 from .publisher import EstimatePublisher
@@ -109,10 +110,11 @@ class EstimatorNode(runtime.ScenarioNode):
         if self._static is not None:
             self.create_subscription(self._static, TOPIC, self._on_static, STATIC, raw=True)
         for topic in (*POSES, OWN_POSE):
-            self._take_belief(topic, self._read_pose)
+            take = self._take_belief(topic, self._read_pose)
         self._take_belief('~/set_state', self._read_state)
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.create_service(SetBool, '~/toggle', self._on_toggle)
+        self._answer_as_robot_localization(take)
         if uses_fixes(self.scenario) or self._origin.plane is not None:
             GeographicServer(self, self.options.frame, self._origin)
 
@@ -141,8 +143,26 @@ class EstimatorNode(runtime.ScenarioNode):
             self.get_logger().warning(f'{without}: {lacking}')
         return not lacking
 
-    def _take_belief(self, topic: str, read: PoseReader | StateReader) -> None:
-        """Restart from the beliefs that a topic brings."""
+    def _answer_as_robot_localization(self, take_pose: Callable[[bytes], None]) -> None:
+        """Offer its services ``set_pose`` and ``toggle``, where its types are installed."""
+        set_pose, toggle = service_type('SetPose'), service_type('ToggleFilterProcessing')
+
+        def on_pose(request: Any, response: Any) -> Any:
+            take_pose(bytes(serialize_message(request.pose)))
+            return response
+
+        def on_toggle(request: Any, response: Any) -> Any:
+            response.status = self._on_toggle(
+                SetBool.Request(data=request.on), SetBool.Response()
+            ).success
+            return response
+
+        for kind, name, answer in ((set_pose, 'set_pose', on_pose), (toggle, 'toggle', on_toggle)):
+            if kind is not None:
+                self.create_service(kind, name, answer)
+
+    def _take_belief(self, topic: str, read: PoseReader | StateReader) -> Callable[[bytes], None]:
+        """Restart from the beliefs that a topic brings; return what takes a message of it."""
         name = topic.rpartition('/')[2]
 
         def on_message(data: bytes) -> None:
@@ -157,6 +177,7 @@ class EstimatorNode(runtime.ScenarioNode):
             self.get_logger().info(f'reset to {name}', throttle_duration_sec=1.0)
 
         self.create_subscription(read.message_type, topic, on_message, QUEUE, raw=True)
+        return on_message
 
     def _on_reset(self, _: Any, response: Any) -> Any:
         self._fuser.reset(self.scenario.believed.initial)
