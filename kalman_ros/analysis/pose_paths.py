@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import atan2, nan
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,8 @@ from kalman_ros.scenario.body_roles import body_of
 _SHORTEST = 1e-3
 #: Rounding errors of a sum of steps are no step.
 _ROUNDED = 1.0 - 1e-9
+#: The median interval times the first number, and at least the second in s, is a gap.
+_GAP, _SHORT_GAP = 5.0, 0.5
 #: Largest number of parts of one length.
 _MOST_PARTS = 1000
 
@@ -52,8 +55,18 @@ class PosePath:
     frame: str = ''
     planar: bool = False
 
+    def covers(self, time: Array) -> Any:
+        """Return at which times (M,) the path is known: not before or after it, nor in a gap."""
+        if len(self.time) < 2:
+            return np.zeros(len(time), dtype=bool)
+        steps = np.diff(self.time)
+        longest = max(_GAP * float(np.median(steps)), _SHORT_GAP)
+        after = np.clip(np.searchsorted(self.time, time), 1, len(self.time) - 1)
+        known = (steps[after - 1] <= longest) | np.isin(time, self.time)
+        return known & (time >= self.time[0]) & (time <= self.time[-1])
+
     def at(self, time: Array) -> PosePath:
-        """Return the poses at times (M,), interpolated; those outside are NaN."""
+        """Return the poses at times (M,), interpolated; where it is not known they are NaN."""
         if len(self.time) < 2:
             gone = np.full((len(time), 3), np.nan)
             return replace(self, time=time, position=gone, rotation=gone, covariance=None)
@@ -61,7 +74,7 @@ class PosePath:
         before = after - 1
         length = self.time[after] - self.time[before]
         share = ((time - self.time[before]) / np.where(length > 0.0, length, 1.0))[:, np.newaxis]
-        outside = (time < self.time[0]) | (time > self.time[-1])
+        outside = ~self.covers(time)
         first, last = self.position[before], self.position[after]
         turn = so3.compose(-self.rotation[before], self.rotation[after])
         C = self.covariance
@@ -76,10 +89,7 @@ class PosePath:
 
     def within(self, other: PosePath) -> PosePath:
         """Return the poses at the times that another path covers."""
-        use = np.zeros(len(self.time), dtype=bool)
-        if len(other.time) > 1:
-            use = (self.time >= other.time[0]) & (self.time <= other.time[-1])
-        C = self.covariance
+        use, C = other.covers(self.time), self.covariance
         return replace(
             self,
             time=self.time[use],
@@ -213,10 +223,13 @@ def separation(path: PosePath, reference: PosePath, *, align: bool) -> Separatio
     if align:
         mine = mine.aligned_with(theirs)
     lengths = _lengths(theirs.length)
+    headings = [_level(each) for each in (mine, theirs)]
     axes = 2 if path.planar or reference.planar else 3
     apart = (mine.position - theirs.position)[:, :axes]
     distance = np.linalg.norm(apart, axis=1)
-    turned = so3.to_euler(so3.compose(-theirs.rotation, mine.rotation))[..., 2]
+    turned = so3.compose(-headings[1].rotation, headings[0].rotation)[..., 2]
+    if axes == 2:
+        mine, theirs = headings
     return Separation(
         time=mine.time,
         distance=distance,
@@ -226,6 +239,13 @@ def separation(path: PosePath, reference: PosePath, *, align: bool) -> Separatio
         nees=_nees(apart, mine.covariance, theirs.covariance),
         aligned=align,
     )
+
+
+def _level(path: PosePath) -> PosePath:
+    """Return a path with the headings alone, without roll and pitch."""
+    turns = np.zeros_like(path.rotation)
+    turns[:, 2] = so3.to_euler(path.rotation)[..., 2]
+    return replace(path, rotation=turns)
 
 
 def _rms(values: Array) -> float:

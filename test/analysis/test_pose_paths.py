@@ -132,3 +132,31 @@ def test_states_are_poses_in_the_order_of_time_and_the_last_of_one_time_counts()
     flat = Space(('x', 'v'), ('m', 'm/s'))
     alone = Signal('estimate', 'sensor_msgs/JointState', ('position[x]', 'position[v]'))
     assert path_of_states(flat, alone, np.zeros(1), np.zeros((1, 2)), None, '') is None
+
+
+def test_what_is_not_known_in_a_gap_is_not_compared():
+    """A truth of the first and the last seconds says nothing of the time between."""
+    path = circle(TIME)
+    known = (TIME < 5.0) | (TIME > 20.0)
+    part = replace(
+        path, time=TIME[known], position=path.position[known], rotation=path.rotation[known]
+    )
+    found = separation(path, part, align=False)
+    assert found.ate < 1e-9 and found.heading < 1e-9
+    assert len(found.time) == known.sum()
+    assert np.isnan(part.at(np.array([12.0])).position).all()
+
+
+@pytest.mark.parametrize('tilt', [(0.0, 1.0), (3.1, 0.0), (0.5, -1.2)])
+def test_the_heading_is_that_of_the_level(tilt):
+    path = circle(TIME, planar=False)
+    yaw = so3.to_euler(path.rotation)[:, 2]
+
+    def tilted(offset):
+        roll, pitch = np.full_like(yaw, tilt[0]), np.full_like(yaw, tilt[1])
+        turns = np.stack((roll, pitch, yaw + offset), axis=-1)
+        return replace(path, rotation=so3.from_euler(turns))
+
+    assert separation(tilted(0.1), tilted(0.0), align=False).heading == pytest.approx(0.1)
+    flat = separation(circle(TIME), tilted(0.0), align=False)
+    assert flat.heading < 1e-9 and all(part.position < 1e-9 for part in flat.relative)

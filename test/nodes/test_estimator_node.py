@@ -132,6 +132,10 @@ def test_the_first_belief_is_set_while_inactive_and_counts_from_the_next_start(p
     np.testing.assert_array_equal(node._online.belief.mean, [9.0] * 4)
     (answer,) = node.set_parameters([Parameter('initial_std', value=[-1.0] * 4)])
     assert not answer.successful
+    # what is refused at a start is refused here
+    (answer,) = node.set_parameters([Parameter('initial_estimate', value=[1e300] * 4)])
+    assert not answer.successful
+    assert list(node.get_parameter('initial_estimate').value) == [9.0] * 4
 
 
 def test_a_second_publisher_of_an_output_is_named(pair):

@@ -134,9 +134,12 @@ def test_a_point_that_is_nowhere_has_no_place(point):
     assert len(node.said) == 1 and isinstance(node.said[0], str)
 
 
-def test_a_fix_that_is_none_has_no_point():
+def test_a_question_about_a_place_has_no_status():
     node, server = served()
-    fix = NavSatFix(latitude=49.0, longitude=8.0)
-    fix.status.status = -1
-    server._on_fix(fix)
-    assert node.said == ['~/from_ll: status: expected at least 0, got -1']
+    for status in (-2, -1, 0):
+        fix = NavSatFix(latitude=DATUM.latitude, longitude=DATUM.longitude, altitude=144.0)
+        fix.status.status = status
+        server._on_fix(fix)
+        assert node.said[-1].point.x == pytest.approx(0.0, abs=1e-6)
+    server._on_fix(NavSatFix(latitude=91.0))
+    assert node.said[-1] == '~/from_ll: place: expected a latitude of -90 to 90 degrees, got 91'

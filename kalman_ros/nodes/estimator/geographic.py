@@ -18,7 +18,6 @@ from geometry_msgs.msg import Point, PointStamped
 from rosidl_generator_py.import_type_support_impl import UnsupportedTypeSupport
 from sensor_msgs.msg import NavSatFix
 
-from kalman_ros.codecs.fixes import place_of
 from kalman_ros.codecs.messages import message_type
 from kalman_ros.core.geodesy import Origin, Place, TangentPlane, place
 from kalman_ros.nodes.middleware.host import Host
@@ -101,7 +100,9 @@ class GeographicServer:
             self._fixes.publish(fix)
 
     def _on_fix(self, message: NavSatFix) -> None:
-        local = self._answer(FROM_LL, lambda plane: local_of(plane, place_of(message)))
+        # what asks for a place has no status of a receiver
+        where = message.latitude, message.longitude, message.altitude
+        local = self._answer(FROM_LL, lambda plane: local_of(plane, _place(where)))
         if local is not None:
             found = PointStamped(header=message.header, point=_point(local))
             found.header.frame_id = self._frame
@@ -131,15 +132,9 @@ class GeographicServer:
         result.latitude, result.longitude, result.altitude = where or _NOWHERE
 
     def _read_place(self, service: str, found: Any) -> Point:
-        height = found.altitude
-
-        def local(plane: TangentPlane) -> tuple[float, ...]:
-            where = place(
-                'place', (found.latitude, found.longitude, 0 if isnan(height) else height)
-            )
-            return local_of(plane, where._replace(altitude=height))
-
-        return _point(self._answer(service, local) or _NOWHERE)
+        where = found.latitude, found.longitude, found.altitude
+        local = self._answer(service, lambda plane: local_of(plane, _place(where)))
+        return _point(local or _NOWHERE)
 
     def _answer(self, question: str, convert: Callable[[TangentPlane], Any]) -> Any:
         """Return what ``convert`` makes of the plane; None with a warning if that is nothing."""
@@ -152,6 +147,13 @@ class GeographicServer:
         except ValueError as error:
             self._warn(f'{question}: {error}')
         return None
+
+
+def _place(values: tuple[float, float, float]) -> Place:
+    """Return the place of latitude, longitude and altitude, which may be NaN; or ValueError."""
+    latitude, longitude, height = values
+    known = place('place', (latitude, longitude, 0.0 if isnan(height) else height))
+    return known._replace(altitude=height)
 
 
 def _point(local: tuple[float, ...]) -> Point:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 from rclpy.serialization import serialize_message
 from std_srvs.srv import SetBool, Trigger
 
@@ -200,6 +201,9 @@ class EstimatorNode(runtime.ScenarioNode):
             observability(scenario)  # what no filter can follow is refused
         mounted = self._mounts.applied(scenario)
         found = fusion(mounted, options, extra, wait=options.lockstep)
+        pairs = zip(scenario.initial_belief, self.scenario.initial_belief)
+        if not all(np.array_equal(new, old) for new, old in pairs):
+            check_start(found, mounted)
 
         def apply() -> None:
             self._estimation = found

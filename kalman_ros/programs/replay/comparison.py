@@ -159,6 +159,9 @@ def _why(run: Replayed, found: Comparison, ours: PosePath, start: float, end: fl
         jump = _jump(path, start, end)
         if jump > _PART * max(grown, 1e-9):
             return f'{name} jumps by {jump:.3g} m'
+    missing = _silence(found.other.time, start, end)
+    if missing > 0.0:
+        return f'{found.topic} has no poses for {missing:.3g} s'
     for name, sensor in run.sensors.items():
         inside = (sensor.stamp >= start) & (sensor.stamp <= end)
         refused = np.array(['REJECTED' in word or 'OUTVOTED' in word for word in sensor.outcome])
