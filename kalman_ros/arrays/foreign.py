@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-#: What a state-space system has, and what a transfer function has.
+#: Attributes of a state-space system, and of a transfer function.
 _STATE_SPACE = (('A', 'B'),)
 _TRANSFER = (('num', 'den'), ('zeros', 'poles', 'gain'))
-#: What is a system without either: a measured response, or python-control's nonlinear system.
+#: Attributes of other systems: a measured response, or python-control's nonlinear system.
 _OTHER = (('frdata',), ('ninputs',))
 
 

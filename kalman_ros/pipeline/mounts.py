@@ -115,7 +115,7 @@ class Mounts:
         self._frames = StaticFrames()
         #: Frame and placement of each sensor that is mounted.
         self._mounted: dict[str, tuple[str, Placement]] = {}
-        #: Those of the input, if it is mounted.
+        #: Frame and placement of the input, if it is mounted.
         self._input: tuple[str, Placement] | None = None
         #: Sensors whose transform has changed since the mounting, which is logged once.
         self._changed: set[str] = set()

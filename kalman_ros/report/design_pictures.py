@@ -43,7 +43,7 @@ GROWTH = '#f6e9e2'
 #: Range of the gains that are drawn, in dB.
 GAINS = (-45.0, 45.0)
 
-#: What pictures of loops show.
+#: Sentence below the title of a picture of loops.
 _LOOPS = 'How far gain and phase of the loop may change before it is unstable.'
 
 #: Number of frequencies of a response.

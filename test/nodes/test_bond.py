@@ -135,7 +135,3 @@ def test_an_absurd_patience_is_not_taken_over(formed, timeout):
     now.seconds += 4.1
     side.beat()
     assert node.said == ['the manager is silent for 4 s: going on alone']
-
-
-def test_without_the_package_there_is_no_bond():
-    assert not bond.has_type() or 'bond' in sys.modules

@@ -89,7 +89,7 @@ class Translation:
 
     @property
     def rows(self) -> Sequence[Row]:
-        """What becomes of their parameters."""
+        """Outcomes of the parameters of the node."""
         return self.node.rows
 
     @property
