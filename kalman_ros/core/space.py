@@ -235,6 +235,16 @@ class Space:
         """Transport a covariance (..., n, n) about a point ``d`` away (..., n) to the origin."""
         return self._congruent(P, d, so3.inverse_left_jacobian) if self._turned else P
 
+    def slope_from_afar(self, d: Array) -> Array:
+        """Return J (n, n), the slope of differences from the origin by those from ``d`` (n,).
+
+        `from_afar` transports a covariance with it.
+        """
+        J = np.eye(self.size)
+        for place in self._turned:
+            J[place, place] = so3.inverse_left_jacobian(d[place])
+        return J
+
     def _congruent(self, P: Array, d: Array, jacobian: Callable[[Array], Array]) -> Array:
         """Return J P J', with J the ``jacobian`` of each rotation in d, and 1 for all else."""
         result = np.broadcast_to(P, (*d.shape, self.size)).copy()

@@ -5,10 +5,18 @@ With d the change of a mean by later readings, a step of the smoother is affine,
 
     d = C d' + c,   c = C (x' - x_p),   P_s = C P_s' C' + R,
 
-with x' the filter's mean at the next step and the other symbols as in `smoother`. Affine steps
-compose to one, and composition is associative, so the steps of a window that slides are kept as
-two stacks: one of products up to its top, one whose product is known (two stacks make a queue;
-every step is composed three times, whatever the lag).
+with x' the filter's mean at the next step and the other symbols as in `smoother`. Of a state with
+rotations these are differences in the tangent space at x, and d' is about x' where C takes
+differences from x_p: with J^-1 the inverse left Jacobian of x' - x_p, the step is
+
+    d = C J^-1 d' + c,
+
+to terms of the order |x' - x_p| |d'|^2 / 12 (the third of Baker, Campbell and Hausdorff).
+
+Affine steps compose to one, and composition is associative, so the steps of a window that slides
+are kept as two stacks: one of products up to its top, one whose product is known (two stacks make
+a queue; every step is composed three times, whatever the lag). Where a turn is not small, beliefs
+are carried back step by step, several in one pass.
 """
 
 from __future__ import annotations
@@ -22,10 +30,14 @@ import numpy as np
 from kalman_ros.core import Array, Gaussian, Space, is_finite, symmetric
 
 from .filter import SmoothableFilter
-from .smoother import Filtered, step_back, unsmoothable
+from .smoother import Filtered, StepBack, carried_back, step_back, unsmoothable
 
-#: Change of an angle, in rad, from which on a window may turn one by more than half a turn.
+#: Change of an angle or a rotation, in rad, from which on a belief is computed step by step: a
+#: window may turn an angle by more than half a turn, and a rotation by what is not small.
 _LARGE = 0.5
+_LARGE_ROTATION = 0.05
+#: Part of a window that is computed step by step at once.
+_SHARE = 5
 
 
 class _Back(NamedTuple):
@@ -83,33 +95,26 @@ class FixedLagSmoother:
     Parameters
     ----------
     space
-        Space of the state, without rotations.
+        Space of the state.
     lag
         Seconds of later readings.
-
-    Raises
-    ------
-    ValueError
-        If the space has rotations.
     """
 
     def __init__(self, space: Space, lag: float) -> None:
-        if space.rotations:
-            names = '; '.join(' '.join(names) for names in space.rotations)
-            raise ValueError(
-                f'fixed_lag: not for a state with rotations ({names}): '
-                'smooth a recording, with replay --smooth'
-            )
         self._space, self._lag = space, round(lag * 1e9)
-        self._angles = [space.names.index(name) for name in space.angles]
+        #: The change of each coordinate from which on it is large.
+        self._large_from = np.full(space.size, np.inf)
+        self._large_from[space.indices(space.angles)] = _LARGE
+        for names in space.rotations:
+            self._large_from[space.rotation(names)] = _LARGE_ROTATION
         self.clear()
 
     def clear(self) -> None:
         """Forget the window: the next step is independent of it."""
         self._steps: deque[Filtered] = deque()
-        #: For each step but the newest: C, the prediction of the next, and whether that turned
-        #: an angle by much.
-        self._parts: deque[tuple[Array, Array, bool]] = deque()
+        #: For each step but the newest: the step back to it, and whether the next one is far from
+        #: its prediction.
+        self._parts: deque[tuple[StepBack, bool]] = deque()
         self._large = 0
         self._window = _Window()
 
@@ -130,55 +135,69 @@ class FixedLagSmoother:
         else:
             self._window.push(back)
         self._steps.append(step)
-        while step.time - self._steps[0].time >= self._lag and len(self._steps) > 1:
-            yield self._oldest()
-            self._drop()
+        while len(self._steps) > 1 and self._has_passed(0):
+            belief = self._oldest()
+            if belief is not None:
+                yield self._steps[0].time, belief
+                self._drop()
+                continue
+            # one pass is for many, so that its cost for each of them has a bound
+            most = len(self._steps) // _SHARE
+            if not self._has_passed(most):
+                break
+            for belief in self._by_steps()[: most + 1]:
+                yield self._steps[0].time, belief
+                self._drop()
 
     def finish(self) -> Iterator[tuple[int, Gaussian]]:
         """Yield the beliefs of the window, which get no later readings."""
-        while len(self._steps) > 1:
-            yield self._oldest()
-            self._drop()
-        for step in self._steps:
-            yield step.time, step.belief
+        if self._steps:
+            yield from zip([step.time for step in self._steps], self._by_steps())
         self.clear()
+
+    def _has_passed(self, index: int) -> bool:
+        """Return whether the newest step is a lag after the one at ``index``."""
+        return self._steps[-1].time - self._steps[index].time >= self._lag
 
     def _drop(self) -> None:
         self._steps.popleft()
         self._window.pop()
-        self._large -= self._parts.popleft()[2]
+        self._large -= self._parts.popleft()[1]
 
-    def _oldest(self) -> tuple[int, Gaussian]:
-        """Return the oldest belief, given all readings of the window."""
-        oldest, newest = self._steps[0], self._steps[-1]
+    def _oldest(self) -> Gaussian | None:
+        """Return the oldest belief, given all readings of the window; None if it moves far."""
         C, c, R = self._window.product()
-        x = oldest.belief.mean
-        covariance = symmetric(C @ newest.belief.covariance @ C.T + R)
-        if self._large or (np.abs(c[self._angles]) > _LARGE).any():
-            return oldest.time, Gaussian(self._mean_by_steps(), covariance)
-        return oldest.time, Gaussian(*self._space.arrived(x + c, x, covariance))
+        if self._large or self._is_large(c):
+            return None
+        x, covariance = self._steps[0].belief.mean, self._steps[-1].belief.covariance
+        return Gaussian(*self._space.arrived(x + c, x, symmetric(C @ covariance @ C.T + R)))
 
-    def _mean_by_steps(self) -> Array:
-        """Return the oldest mean, each change of an angle taken within half a turn on the way."""
-        space, later = self._space, self._steps[-1].belief.mean
+    def _is_large(self, change: Array) -> bool:
+        return bool((np.abs(change) > self._large_from).any())
+
+    def _by_steps(self) -> list[Gaussian]:
+        """Return the beliefs of the window as `smooth` does: no turn is beyond half a turn."""
+        smoothed = [self._steps[-1].belief]
         steps = reversed([*self._steps][:-1])
-        for step, (C, predicted, _) in zip(steps, reversed(self._parts)):
-            later = space.wrap(step.belief.mean + C @ space.subtract(later, predicted))
-        return later
+        for step, (back, _) in zip(steps, reversed(self._parts)):
+            smoothed.append(carried_back(self._space, step.belief, back, smoothed[-1]))
+        return smoothed[::-1]
 
     def _between(self, step: Filtered, filter: object) -> _Back | None:
         """Return the step back from ``step`` to the one before; None if there is none."""
         if not isinstance(filter, SmoothableFilter):
             raise ValueError(f'fixed_lag: {unsmoothable(filter)}')
         try:
-            predicted, C, R = step_back(filter, self._steps[-1], step.time)
+            back = step_back(filter, self._steps[-1], step.time)
         except np.linalg.LinAlgError:
             return None
-        change = self._space.subtract(step.belief.mean, predicted)
-        back = _Back(C, C @ change, R)
-        if not all(map(is_finite, back)):
+        space, C = self._space, back.C
+        change = space.subtract(step.belief.mean, back.predicted)
+        slope = C @ space.slope_from_afar(change) if space.rotations else C
+        affine = _Back(slope, C @ change, back.R)
+        if not all(map(is_finite, affine)):
             return None
-        large = bool((np.abs(change[self._angles]) > _LARGE).any())
-        self._parts.append((C, predicted, large))
+        large = self._is_large(change)
+        self._parts.append((back, large))
         self._large += large
-        return back
+        return affine

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kalman_ros.core import Array, Gaussian, solve, symmetric
+from kalman_ros.core import Array, Gaussian, Space, solve, symmetric
 from kalman_ros.linear.factor import cholesky
 
 from . import FILTERS, filter_class
@@ -84,7 +84,8 @@ def smoothed_back(filter: object, steps: Iterable[Filtered]) -> Iterator[Gaussia
         if later is None or smoothed is None or later.restarted:
             smoothed = step.belief
         else:
-            smoothed = _back(filter, step, later.time, smoothed)
+            back = step_back(filter, step, later.time)
+            smoothed = carried_back(filter.model.state, step.belief, back, smoothed)
         later = step
         yield smoothed
 
@@ -131,15 +132,9 @@ def _solve_singular(P: Array, right: Array) -> Array:
     return np.asarray((inverse @ (right / std[:, None])) / std[:, None])
 
 
-def _back(
-    filter: SmoothableFilter,
-    step: Filtered,
-    until: int,
-    after: Gaussian,
-) -> Gaussian:
-    """Return the smoothed belief of a step, given the one ``after`` it at time ``until``."""
-    space, x = filter.model.state, step.belief.mean
-    predicted, C, R = step_back(filter, step, until)
+def carried_back(space: Space, belief: Gaussian, back: StepBack, after: Gaussian) -> Gaussian:
+    """Return the smoothed ``belief`` of a step, given that of the step ``after`` it."""
+    x, (predicted, C, R) = belief.mean, back
     change = space.subtract(after.mean, predicted)
     P_s = space.from_afar(after.covariance, change)
     return Gaussian(*space.arrived(x + C @ change, x, symmetric(C @ P_s @ C.T + R)))

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from random_systems import random_problem
+from test_on_rotations import MODEL, NOTHING, START, TURN, Attitude
 
 import kalman_ros as kr
 from kalman_ros.core import Gaussian, TimedSensor
@@ -229,11 +230,67 @@ def test_the_cost_of_a_step_does_not_depend_on_the_lag(monkeypatch):
     assert max(counts) < 3.2, counts
 
 
-def test_a_state_with_rotations_is_refused():
-    with pytest.raises(
-        ValueError, match=r'fixed_lag: not for a state with rotations \(rx ry rz\)'
-    ):
-        FixedLagSmoother(kr.load('robot_3d').model.state, 1.0)
+def attitude_steps(std, far=0.0, count=160):
+    """Return the steps of a body that tumbles, whose readings have a deviation of ``std``."""
+    rng = np.random.default_rng(3)
+    sensor = Attitude(std)
+    filter = build_filter('ekf', Plan(MODEL, {'y': TimedSensor(sensor, 10.0)}, 10.0), {})
+    initial = Gaussian(START + far * np.eye(6)[0], (far**2 + 0.05**2) * np.eye(6))
+    online = OnlineEstimator(filter, {'y': sensor}, initial, NOTHING, Policy(window=0.0))
+
+    def feed(estimator):
+        truth = START
+        for k in range(count):
+            noise = std * rng.normal(size=6)
+            reading = sensor.output.add(sensor.measure(truth), noise)
+            estimator.add_reading('y', k * 20_000_000, reading)
+            truth = TURN.add(truth, 0.02 * MODEL.derivative(truth, NOTHING))
+
+    return steps_of(online, feed)
+
+
+def test_rotations_that_move_little():
+    """The affine step leaves out what is of second order in them."""
+    steps = attitude_steps(0.01)
+    found, _ = emitted(TURN, steps, 0.6)
+    filtered = [step for step, _ in steps]
+    assert [count - k for k, (_, _, count) in enumerate(found)] == [31] * len(found)
+    for k, (_, belief, count) in enumerate(found[::7]):
+        whole = smooth(steps[0][1], filtered[:count])[7 * k]
+        change = TURN.subtract(belief.mean, filtered[7 * k].belief.mean)
+        assert np.linalg.norm(change[:3]) > 1e-4
+        error = TURN.subtract(belief.mean, whole.mean)
+        same(Gaussian(whole.mean + error, belief.covariance), whole, 2e-4)
+
+
+def test_rotations_that_move_far_are_smoothed_step_by_step():
+    """They are exact, and one pass backwards is for many of them."""
+    steps = attitude_steps(0.15, far=0.6)
+    found, smoother = emitted(TURN, steps, 0.6)
+    filtered = [step for step, _ in steps]
+    late = [count - k for k, (_, _, count) in enumerate(found)]
+    assert min(late) >= 31
+    assert 31 < max(late) <= 31 + 31 // 4 + 1
+    for k, (time, belief, count) in enumerate(found):
+        assert time == filtered[k].time
+        if late[k] > 31:
+            whole = smooth(steps[0][1], filtered[:count])[k]
+            error = TURN.subtract(belief.mean, whole.mean)
+            same(Gaussian(whole.mean + error, belief.covariance), whole)
+    rest = list(smoother.finish())
+    assert len(found) + len(rest) == len(filtered)
+    same(rest[-1][1], filtered[-1].belief)
+
+
+def test_far_moves_cost_a_bounded_number_of_steps(monkeypatch):
+    steps = attitude_steps(0.15, far=0.6)
+    carried = []
+    carried_back = fixed_lag.carried_back
+    monkeypatch.setattr(
+        fixed_lag, 'carried_back', lambda *given: carried.append(1) or carried_back(*given)
+    )
+    emitted(TURN, steps, 0.6)
+    assert len(steps) < len(carried) < 7 * len(steps)
 
 
 def test_a_filter_that_cannot_be_smoothed_is_refused():

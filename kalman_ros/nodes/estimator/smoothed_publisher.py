@@ -27,7 +27,7 @@ class SmoothedPublisher:
     Raises
     ------
     ValueError
-        If the filter cannot be smoothed, or the state has rotations.
+        If the filter cannot be smoothed.
     """
 
     def __init__(
