@@ -39,6 +39,8 @@ class Mounting(NamedTuple):
     heading
         Heading, in rad counter-clockwise from east, that the messages call zero: the declination
         of a compass, or the offset of a gyro that starts anywhere.
+    place
+        Place of the sensor on the body: forward, left and up of its centre, in m.
     """
 
     rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -47,6 +49,7 @@ class Mounting(NamedTuple):
     placed: bool = False
     from_tf: bool = False
     heading: float = 0.0
+    place: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
     def turned(self) -> bool:
@@ -92,8 +95,14 @@ def mounting(
         raise ValueError(f"convention: expected {' or '.join(CONVENTIONS)}, got '{convention}'")
     if frame.startswith('/'):
         raise ValueError(f"frame: expected a name without a leading slash, got '{frame}'")
+    if len(translation) != 3 or not np.isfinite(translation).all():
+        got = ', '.join(f'{each:g}' for each in translation)
+        raise ValueError(f'mount.translation: expected forward, left and up in m, got ({got})')
     roll, pitch, yaw = map(float, rotation)
+    x, y, z = map(float, translation)
     placed = any(rotation) or any(translation)
     if placed and from_tf:
         raise ValueError('mount.tf: expected no mount.translation and mount.rotation beside it')
-    return Mounting((roll, pitch, yaw), convention, frame, placed or from_tf, from_tf, heading)
+    return Mounting(
+        (roll, pitch, yaw), convention, frame, placed or from_tf, from_tf, heading, (x, y, z)
+    )

@@ -12,6 +12,7 @@ import numpy as np
 from kalman_ros.codecs.transform_list import transforms_in
 from kalman_ros.core import Array, Signal, is_finite
 from kalman_ros.core import rotations as so3
+from kalman_ros.core.mount import mounting
 from kalman_ros.scenario import Scenario, SensorSource
 from kalman_ros.scenario.building import placed
 
@@ -157,9 +158,7 @@ class Mounts:
         return source
 
     def mount_input(self, frame: str) -> Signal:
-        """Return the signal of the input, turned by the frame of its messages.
-
-        Its place is that of the state.
+        """Return the signal of the input, with its mounting by the frame of its messages.
 
         Raises
         ------
@@ -167,9 +166,9 @@ class Mounts:
             If the place is not known; one line gives the reason.
         """
         placement, signal = self._known(frame), self._scenario.input
+        angles, reported = so3.to_euler(placement.rotation).tolist(), signal.mounting
+        mount = mounting(angles, reported.convention, frame, placement.translation.tolist())
         self._input = frame, placement
-        roll, pitch, yaw = so3.to_euler(placement.rotation).tolist()
-        mount = signal.mounting._replace(rotation=(roll, pitch, yaw), from_tf=False)
         return replace(signal, mounting=mount)
 
     def _known(self, frame: str) -> Placement:

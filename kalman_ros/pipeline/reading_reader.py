@@ -24,6 +24,7 @@ from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.scenario import SensorSource
 
 from .frame_guard import FrameGuard
+from .input_decoder import InputDecoder
 from .mounts import Mounts
 from .pose_changes import FirstPoseError, PoseChange, whole_pose
 from .still_watch import StillWatch
@@ -190,7 +191,7 @@ class InputReader:
         warn: Callable[[str], object] = str,
         mounts: Mounts | None = None,
     ) -> None:
-        self._read = WireReader(codec_of(signal))
+        self._read = InputDecoder(signal)
         #: Mounting of the sensor whose readings are the input, until its place is known.
         self._mounts = mounts if signal.mounting.from_tf else None
         self.message_type: Any = self._read.message_type
@@ -220,7 +221,7 @@ class InputReader:
             signal = self._mounts.mount_input(self._guard.frame)
         except ValueError as error:
             raise UnusableInputError(Outcome.NO_TRANSFORM, str(error)) from None
-        self._read, self._mounts = WireReader(codec_of(signal)), None
+        self._read, self._mounts = InputDecoder(signal), None
         return self._read(data)
 
 

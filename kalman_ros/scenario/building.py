@@ -38,6 +38,7 @@ from kalman_ros.estimators import FILTERS, filter_options
 from .bias_states import bias
 from .body_roles import body_of
 from .declarations import model_of, options, sensor_names
+from .input_place import at_centre
 from .lever_arm import LeverArm
 from .model_checks import check_attributes, check_model, check_sensor
 from .parameter_files import by_section, section
@@ -270,13 +271,20 @@ def placed(
 def _input(given: dict[str, Any], size: int) -> Signal:
     """Return the signal of the input, whose axes may be turned against the body's."""
     rotation, convention = given.pop('mount.rotation'), given.pop('convention')
+    place, frame, from_tf = (given.pop(key) for key in ('mount.translation', 'frame', 'mount.tf'))
     try:
-        mount = mounting(
-            rotation, convention, given.pop('frame'), (0.0, 0.0, 0.0), given.pop('mount.tf')
-        )
+        mount = mounting(rotation, convention, frame, place, from_tf)
+        signal = replace(_signal('input', given, size), mounting=mount)
+        if any(place) and at_centre(signal) is None:
+            listed = ', '.join(signal.fields) or 'none'
+            raise ValueError(
+                f'mount.translation: expected a velocity or an acceleration among the fields, got '
+                f'({listed})'
+            )
     except ValueError as error:
-        raise ValueError(f'input.{error}') from None
-    return replace(_signal('input', given, size), mounting=mount)
+        why = str(error)
+        raise ValueError(why if why.startswith('input.') else f'input.{why}') from None
+    return signal
 
 
 def _signal(name: str, given: Mapping[str, Any], size: int) -> Signal:

@@ -23,6 +23,10 @@ _DOUBTED = 'spikes'
 
 #: The options of axes and frames, of a sensor or of the input.
 AXES: Mapping[str, tuple[Value, About]] = {
+    'mount.translation': (
+        [0.0, 0.0, 0.0],
+        About('forward, left, up of the body', 'm', -_FARTHEST, _FARTHEST, feature=_FRAMES),
+    ),
     'mount.rotation': (
         [0.0, 0.0, 0.0],
         About('roll, pitch, yaw on the body', 'rad', -2.0 * pi, 2.0 * pi, feature=_FRAMES),
@@ -74,10 +78,7 @@ def sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
                 live=True,
             ),
         ),
-        'mount.translation': (
-            [0.0, 0.0, 0.0],
-            About('forward, left, up of the body', 'm', -_FARTHEST, _FARTHEST, feature=_FRAMES),
-        ),
+        'mount.translation': AXES['mount.translation'],
         'mount.rotation': AXES['mount.rotation'],
         'mount.heading': (
             0.0,

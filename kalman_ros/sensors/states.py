@@ -30,7 +30,7 @@ class States(Sensor):
         self,
         state: Space,
         noise: Sequence[float],
-        measures: Annotated[Sequence[str], About('names of the measured states')] = ('',),
+        measures: Annotated[Sequence[str], About('states read')] = ('',),
     ) -> None:
         self._indices = np.array(state.indices(measures, 'measures'), dtype=np.intp)
         self.output = state.select(measures)

@@ -227,9 +227,12 @@ def test_the_imu_that_is_the_input_is_turned_by_its_transform():
     for each in CHAIN:
         mounts.on_static(message(each))
     turn = QUARTER * TURN
+    w, place = turn.apply(rate), mounts._frames.placement('imu_link', 'base_link').translation
+    assert np.linalg.norm(place) > 0.1
+    centre = turn.apply(force) - np.cross(w, np.cross(w, place))
     for _ in range(2):
         found = reader.read(data).values
-        np.testing.assert_allclose(found, [*turn.apply(rate), *turn.apply(force)], atol=1e-12)
+        np.testing.assert_allclose(found, [*w, *centre], atol=1e-12)
     assert not warned
     mounts.on_static(message(('base_link', 'mast', numbers([0.0, 0.0, 1.0], TURN))))
     assert warned == ['input: the transform of imu_link has changed: restart the estimator']

@@ -124,7 +124,7 @@ def test_a_body_goes_by_the_names_of_its_states():
 @pytest.mark.parametrize(
     ('changes', 'why'),
     [
-        ({'gnss.mount.translation': [1.0, 2.0]}, 'gnss.mount.translation: .*3'),
+        ({'gnss.mount.translation': [1.0, 2.0]}, 'gnss.mount.translation: expected forward'),
         (
             {'gnss.mount.translation': [1.0, 2.0, float('nan')]},
             'expected -10000 to 10000 m, got nan',

@@ -304,7 +304,7 @@ def test_help_explains_a_feature_that_is_used_and_only_names_another(environment
     unused = 'Not used, all at their defaults (docs/reference/parameters.md):\n'
     _, output = finish(start(environment, 'estimator', '--help'))
     listed = output[output.index(unused) :]
-    assert '\n  frames: input.convention, frame, input.mount.rotation, tf, SENSOR.conv' in listed
+    assert '\n  frames: input.convention, frame, input.mount.rotation, tf, translation,' in listed
     assert 'SENSOR.frame:' not in output
     one = ['--help', '--ros-args', '-p', 'velocity.frame:=base_link']
     _, output = finish(start(environment, 'estimator', *one))

@@ -11,6 +11,7 @@ from kalman_ros.codecs.layout import Sample
 from kalman_ros.codecs.signal_codecs import codec_of
 from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Array, Signal
+from kalman_ros.pipeline.input_decoder import InputDecoder
 
 
 class PlantInput:
@@ -27,7 +28,7 @@ class PlantInput:
     """
 
     def __init__(self, signal: Signal, idle: Array, now: Callable[[], int]) -> None:
-        self._read = WireReader(codec_of(signal))
+        self._read, self._read_disturbance = InputDecoder(signal), WireReader(codec_of(signal))
         self.message_type = self._read.message_type
         self._now = now
         self.idle = idle
@@ -54,7 +55,7 @@ class PlantInput:
     def take(self, data: bytes) -> Sample | None:
         """Count a message and return its input; None if that is not finite."""
         self.received += 1
-        return self._finite(data)
+        return self._finite(self._read, data)
 
     def hold(self, force: Sample) -> None:
         """Hold this input."""
@@ -62,7 +63,7 @@ class PlantInput:
 
     def disturb(self, data: bytes) -> None:
         """Hold the disturbance in a message."""
-        disturbance = self._finite(data)
+        disturbance = self._finite(self._read_disturbance, data)
         if disturbance is not None:
             self.disturbance = disturbance.values
 
@@ -76,9 +77,9 @@ class PlantInput:
         self.force, self._received_at = self.idle, None
         return age
 
-    def _finite(self, data: bytes) -> Sample | None:
+    def _finite(self, read: Callable[[bytes], Sample], data: bytes) -> Sample | None:
         try:
-            sample = self._read(data)
+            sample = read(data)
             if np.isfinite(sample.values).all():
                 return sample
         except (LookupError, ValueError):
