@@ -68,6 +68,7 @@ def upward(layer, name):
     return layer == 'core' and top in ('scipy', 'matplotlib')
 
 
+@pytest.mark.slow
 def test_imports_run_downward():
     wrong = []
     for path in FILES:

@@ -78,6 +78,7 @@ def test_bearings_are_as_good_as_they_say(decibel):
     assert low < nis.mean() < high
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('decibel', first_fast([0.0, 20.0, -6.0], 1))
 def test_no_unbiased_bearing_is_much_better(decibel):
     errors, _, _ = found(decibel)
@@ -87,6 +88,7 @@ def test_no_unbiased_bearing_is_much_better(decibel):
     assert abs(errors.mean()) < 3.5 * np.sqrt(least_variance(decibel) / RUNS)
 
 
+@pytest.mark.slow
 def test_a_clear_sound_has_no_smaller_variance_than_it_should():
     # so clear that what goes on at the ends of a frame counts for noise
     errors, variances, _ = found(40.0, runs=100)
@@ -131,6 +133,7 @@ def test_what_is_hardly_heard_does_no_harm():
         assert np.all(errors[heard] ** 2 / variances[heard] < 16.0)
 
 
+@pytest.mark.slow
 def test_a_source_may_be_heard_without_a_direction():
     # waves far longer than the array is wide: evidently there, and hardly from anywhere
     band = (100.0, 420.0)
@@ -143,6 +146,7 @@ def test_a_source_may_be_heard_without_a_direction():
     assert low < np.mean(errors**2 / variances) < high
 
 
+@pytest.mark.slow
 def test_a_hum_is_enough():
     # most bands contain nothing of the sound
     errors, variances, evidence = found(10.0, band=(900.0, 1000.0))

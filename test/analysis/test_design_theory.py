@@ -119,6 +119,7 @@ def test_the_spring_is_as_worked_out_by_brute_force(spring):
     np.testing.assert_allclose(closed.cost, cost, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_the_modes_of_the_spring_are_those_of_the_real_loop(spring):
     K, _, _, _, gains = spring
     found = report(build())
@@ -268,6 +269,7 @@ def test_a_model_without_inputs_has_an_estimator_and_its_published_errors():
     assert warnings(found, 1.0) == () and found.sensor_std == {'level': 15099**0.5}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('model', ['turn_rate', 'constant_velocity'])
 def test_a_tracker_is_judged_along_its_path_and_not_at_one_point(model):
     built = build(model=model)
@@ -291,6 +293,7 @@ def test_the_error_along_a_path_is_the_bound_there():
     np.testing.assert_allclose(found.std[-1], np.sqrt(P[-1].diagonal()), rtol=0.05)
 
 
+@pytest.mark.slow
 def test_a_bearing_alone_tells_no_state_and_the_design_says_so():
     found = report(build(model='bearing_tracker'), duration=60.0)
     assert found.observability.seen == () and found.estimator is None
@@ -431,6 +434,7 @@ def test_placed_poles_are_reported_as_what_they_are():
     assert found.closed_loop.cost > report(build()).closed_loop.cost
 
 
+@pytest.mark.slow
 def test_a_path_is_as_long_as_a_demo_if_that_is_not_too_many_steps():
     fine, coarse = (build(model='bearing_tracker', rate=rate) for rate in (100.0, 1.0))
     assert default_seconds(coarse, 1800.0) == 1800.0

@@ -93,6 +93,7 @@ def test_a_disturbance_has_its_time_and_size(spring):
     assert ('random walk', 'position') in finding.same_as
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_an_input_that_is_weaker_one_way_is_found(cart):
     u = cart.inputs.value

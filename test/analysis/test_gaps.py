@@ -19,6 +19,7 @@ def without(run, missing):
     return replace(run, **{name: getattr(run, name)[kept] for name in names})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('missing', [[2, 3, 4, 5], [1, 40, 41, 200, 500, 501, 777, 1203]])
 @pytest.mark.parametrize('seed', first_fast([1, 2, 3], 1))
 def test_missing_steps_are_not_taken_for_wrong_ones(missing, seed):

@@ -35,6 +35,7 @@ def test_the_gradient_is_that_of_the_likelihood(delay, true, at):
     assert top.gradient[0] == pytest.approx((above - below) / (2.0 * h), abs=0.03 / deviation)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_delay_of_a_speed_is_found():
     case = replace(ROBOT, fitted=['odometry.delay'], errors={'odometry.delay': 0.03}, seconds=30.0)

@@ -106,6 +106,7 @@ def test_run_without_a_sourced_workspace_says_what_to_do():
     assert 'build it with colcon and source install/setup.bash' in run(code).stdout
 
 
+@pytest.mark.slow
 def test_a_design_has_what_it_prints():
     design = kr.design('cart_pole')
     report = design.report

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from thorough import mostly_thorough
 
 import kalman_ros as kr
 from kalman_ros.arrays import text
@@ -70,6 +71,7 @@ def test_python_control_is_understood():
     np.testing.assert_allclose(kr.lqr(transfer, 1, 1).K, control.lqr(-1, 1, 1, 1)[0], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_response_of_an_observer_is_that_of_its_recursion(tmp_path):
     """A reading exp(i w k) gives estimates X exp(i w k), with X the response at w."""
     F, _, Q, dt = kr.discretize(A, dt=0.1, W=1.0)
@@ -240,7 +242,7 @@ def test_in_discrete_time_an_input_may_be_free():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('dt', [None, 0.1])
+@pytest.mark.parametrize('dt', mostly_thorough([None, 0.1], None))
 def test_a_gain_draws_its_loops(dt, tmp_path):
     two = kr.lqr([[0, 1], [-2, -0.5]], np.eye(2), np.eye(2), np.eye(2), dt=dt)
     two.plot(tmp_path / 'loops.png')

@@ -77,6 +77,7 @@ def spring(**changes):
     }  # fmt: skip
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_mass_and_the_damping_of_a_spring_are_identified():
     time = np.arange(0.0, DURATION, 1.0 / RATE)
@@ -206,6 +207,7 @@ def test_a_prior_counts_as_data_do():
     assert known.values['bias'] == pytest.approx(y.sum() / (20 + 100), abs=1e-4)
 
 
+@pytest.mark.slow
 def test_gates_keep_outliers_out():
     rng = np.random.default_rng(7)
     y = np.cumsum(rng.normal(0.0, 0.1, 300)) + rng.normal(0.0, 1.0, 300)

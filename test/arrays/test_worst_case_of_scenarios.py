@@ -39,7 +39,7 @@ def check_samples(count: int) -> None:
 
 
 def test_samples_are_within_the_bounds() -> None:
-    check_samples(120)
+    check_samples(30)
 
 
 @pytest.mark.thorough
@@ -154,7 +154,7 @@ def test_an_unstable_loop_in_the_box_is_no_stable_box() -> None:
     'intervals',
     [
         thorough({'damping': (0.0, 1e6)}),
-        {'damping': (0.0, 100.0)},
+        thorough({'damping': (0.0, 100.0)}),
         thorough({'mass': (0.01, 100.0)}),
         {'mass': (1e-9, 1e9)},
     ],

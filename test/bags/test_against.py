@@ -75,6 +75,7 @@ def bag(tmp_path_factory):
     return written(tmp_path_factory.mktemp('against') / 'bag', topics, entries)
 
 
+@pytest.mark.slow
 def test_both_are_compared_with_the_truth_and_with_each_other(bag):
     run = replay(bag, ROBOT, against='odometry/filtered', truth='truth')
     assert run.truth is None and len(run.true_poses.time) == len(run.against.time) == 800

@@ -49,7 +49,7 @@ def with_casadi(monkeypatch, tmp_path_factory):
         ('cart_pole', 'ukf'),
         ('robot_3d', 'ekf'),
         thorough('robot_3d', 'ukf'),
-        ('inertial', 'ekf'),
+        thorough('inertial', 'ekf'),
         thorough('inertial', 'ukf'),
         ('lidar_radar', 'ukf'),
         thorough('lidar_radar', 'ekf'),

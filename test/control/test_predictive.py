@@ -130,6 +130,7 @@ def closed_loop(control, x, steps, most):
     return np.array(states), total
 
 
+@pytest.mark.slow
 def test_from_any_state_the_correction_is_finite():
     limits = np.array([-1.0, -0.4]), np.array([1.0, 0.4])
     control = Predictor(prediction(limits, 100, 10), input_limits(0.5, 2.0))

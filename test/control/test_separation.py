@@ -83,6 +83,7 @@ def simulate(loop, runs, steps, rng):
     return np.array(rows)
 
 
+@pytest.mark.slow
 def test_averages_scatter_as_predicted(loop):
     loop, _, sample = loop
     steps, runs = 400, 4000

@@ -20,6 +20,7 @@ def test_most_functions_have_an_example():
     assert {'lqr', 'lqe', 'place', 'margins', 'filter', 'design', 'simulate'} <= EXAMPLES.keys()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', EXAMPLES)
 def test_an_example_prints_what_stands_there(name):
     test = doctest.DocTestParser().get_doctest(EXAMPLES[name], {}, name, name, 0)

@@ -7,6 +7,8 @@ import re
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[2]
 #: Found where they are installed, and named in one line where they are not.
 OPTIONAL = {'foxglove_msgs', 'geographic_msgs'}
@@ -31,6 +33,7 @@ def used():
             yield from (top for top in tops if _MODULE.fullmatch(top))
 
 
+@pytest.mark.slow
 def test_every_package_that_is_used_is_a_dependency():
     tree = ElementTree.parse(ROOT / 'package.xml')
     named = {each.text for each in tree.iter('exec_depend')}

@@ -92,7 +92,7 @@ def test_where_it_is_not_possible_it_is_refused(name, values, says):
         estimation(name, arithmetic='c', **values)
 
 
-@pytest.mark.parametrize('name', mostly_thorough(SUPPORTED, 'cart_pole', 'lidar_radar'))
+@pytest.mark.parametrize('name', mostly_thorough(SUPPORTED, 'lidar_radar'))
 def test_the_nodes_have_the_verdict_and_the_estimates_of_python(name):
     pytest.importorskip('rclpy')
     from kalman_ros.analysis.verdict import judge

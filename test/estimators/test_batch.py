@@ -4,6 +4,7 @@
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
+from thorough import mostly_thorough
 
 from kalman_ros.analysis.tuning.candidate import candidate_filter
 from kalman_ros.arrays.scenarios import load
@@ -106,7 +107,7 @@ def scale(P):
 
 
 @pytest.mark.parametrize(('name', 'kind'), CASES)
-@pytest.mark.parametrize('gated', [False, True])
+@pytest.mark.parametrize('gated', mostly_thorough([False, True], True))
 def test_members_are_those_of_single_estimators(name, kind, gated):
     scenario = load(name)
     try:

@@ -8,6 +8,7 @@ import pytest
 from scipy.optimize import brentq
 from scipy.stats import chi2
 from simulated_recordings import readings
+from thorough import mostly_thorough, thorough
 
 from kalman_ros.arrays.scenarios import load
 from kalman_ros.estimators.batch_estimator import BatchEstimator
@@ -139,7 +140,8 @@ def test_the_share_is_the_mean_of_what_counts(k, soft, gate):
 
 
 @pytest.mark.parametrize(
-    'options', [{'gate': 0.9}, {'soft_gate': 0.5}, {'gate': 0.95, 'soft_gate': 0.7}, {}]
+    'options',
+    [thorough({'gate': 0.9}), {'soft_gate': 0.5}, {'gate': 0.95, 'soft_gate': 0.7}, thorough({})],
 )
 def test_whatever_the_gates_the_noise_stays_that_of_the_readings(options):
     changes = {f'lidar.{key}': value for key, value in {**options, 'adapt': True}.items()}
@@ -152,8 +154,9 @@ def test_whatever_the_gates_the_noise_stays_that_of_the_readings(options):
     assert found.counts['lidar'][Outcome.REJECTED] < 0.2 * 1500
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('adapt', [False, True])
-@pytest.mark.parametrize('wrong', [50.0, 1000.0])
+@pytest.mark.parametrize('wrong', mostly_thorough([50.0, 1000.0], 1000.0))
 def test_a_wrong_start_is_left_within_a_minute(wrong, adapt):
     """A receiver that is alone is believed: a run of readings that surprise is a wrong belief."""
     changes = {**SLOW, 'initial_estimate': [wrong, 0.0, 0.4, 9.0, 0.0, 0.0, 0.0, 0.0]}
@@ -270,11 +273,12 @@ def test_a_spike_moves_the_estimate_by_less_than_a_metre():
     assert parts[1] < 0.8 < 1.2 < parts[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('options', 'low', 'high'),
     [
-        ({}, 4.5, 5.2),
-        ({'soft_gate': 0.95}, 1.5, 2.6),
+        thorough({}, 4.5, 5.2),
+        thorough({'soft_gate': 0.95}, 1.5, 2.6),
         ({'soft_gate': 0.95, 'adapt': True}, 0.9, 1.5),
         ({'soft_gate': 0.95, 'gate': 0.9999}, 0.3, 1.3),
     ],
@@ -300,8 +304,9 @@ def mean_nis(scenario, name, given, since):
     return found, np.mean(chosen[60:120]) / given[0].values.size
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('factor', [10.0, 0.1])
-@pytest.mark.parametrize('gate', [1.0, 0.999])
+@pytest.mark.parametrize('gate', mostly_thorough([1.0, 0.999], 0.999))
 def test_noise_that_changes_tenfold_is_followed_within_sixty_readings(factor, gate):
     options = {'rate': 10.0, 'noise': [0.5, 0.5]}
     changes = SLOW | {f'gnss.{key}': value for key, value in options.items()}

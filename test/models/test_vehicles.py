@@ -49,6 +49,7 @@ def test_dead_reckoning_knows_how_far_it_may_be_off():
     assert np.all(spread(covariances)[:, -1] > 1.1 * spread(covariances)[:, 100])
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_hypotheses_find_any_heading_in_the_plane():
     """One Gaussian is about a heading that it cannot be linear in."""

@@ -67,7 +67,7 @@ LIMIT = 5.0
 NOT_OURS = ('/parameter_events', '/rosout', '/clock')
 PATIENT = settings(
     suppress_health_check=list(HealthCheck),
-    max_examples=max(200, 2 * settings.default.max_examples),
+    max_examples=2 * settings.default.max_examples,
 )
 pytestmark = pytest.mark.slow
 

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 from geometry_msgs.msg import TwistWithCovarianceStamped, WrenchStamped
 from nav_msgs.msg import Odometry
 
@@ -76,6 +77,7 @@ def test_a_reading_walks_as_the_page_says(pair):
     assert len({module for module, _ in calls}) <= MOST_MODULES
 
 
+@pytest.mark.slow
 def test_an_estimate_walks_as_the_page_says(pair):
     steps = listed('One estimate, step by step')
     assert len(steps) == 7

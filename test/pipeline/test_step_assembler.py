@@ -195,6 +195,7 @@ def test_a_tick_that_names_what_never_comes_is_given_up_when_its_topic_goes_on()
     assert [name for name, _ in turn.readings] == ['position', 'velocity']
 
 
+@pytest.mark.slow
 def test_ticks_of_a_future_that_never_comes_are_bounded():
     turns = fresh()
     for time in range(10, 30_000):
@@ -228,6 +229,7 @@ def test_a_tick_that_names_what_never_comes_is_given_up_when_the_plant_asks_agai
     assert [turn.time for turn in send(turns, 'tick', 3, [])] == [3]
 
 
+@pytest.mark.slow
 def test_what_a_hostile_sender_makes_wait_is_bounded():
     turns = fresh()
     for time in range(1, 30_000):

@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from thorough import thorough
 
 from kalman_ros.programs.sweep import program as sweep
 from kalman_ros.programs.sweep.ranges import parsed
@@ -58,6 +59,7 @@ def test_what_is_refused(typed, says, tmp_path, capsys):
     assert says in printed
 
 
+@pytest.mark.slow
 def test_a_point_without_any_run_left_has_no_anees(tmp_path, capsys):
     typed = 'plant.model_parameters.stiffness=-100..-90:lin:2'
     points = swept(tmp_path, 'mass_spring_damper', '--over', typed, '--runs', '3')
@@ -141,7 +143,10 @@ def test_workers_change_nothing(tmp_path):
 )
 @pytest.mark.parametrize(
     'over',
-    [['input_cost=0.1..10:log:4'], ['input_cost=0.1..10:log:2', 'state_cost=1..10:log:2']],
+    [
+        thorough(['input_cost=0.1..10:log:4']),
+        ['input_cost=0.1..10:log:2', 'state_cost=1..10:log:2'],
+    ],
 )
 def test_points_that_are_finished_are_kept(end, code, says, over, tmp_path, capsys, monkeypatch):
     def ending(task, items, *_):

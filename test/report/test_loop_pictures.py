@@ -92,6 +92,7 @@ def test_a_filter_without_such_a_gain_has_none_drawn(ship, tmp_path):
     assert len(gains(replace(built, filter='ekf'), run, tmp_path / 'gains.png')) == 3
 
 
+@pytest.mark.slow
 def test_innovations_have_a_histogram_and_correlations(loop, tmp_path):
     built, run = loop
     axes = innovations(built, run, tmp_path / 'innovations.png')
@@ -114,6 +115,7 @@ def test_correlations_are_those_of_the_definition():
     assert correlations(v[:3]).size == 0
 
 
+@pytest.mark.slow
 def test_innovations_outside_of_the_panel_are_counted(loop, tmp_path):
     built, run = loop
     of = run.innovations['velocity']
@@ -125,6 +127,7 @@ def test_innovations_outside_of_the_panel_are_counted(loop, tmp_path):
     assert axes[1, 0].get_ylim()[1] < 100.0
 
 
+@pytest.mark.slow
 def test_limits_are_drawn_in_the_picture_of_the_input(loop, tmp_path):
     built, run = loop
     bounds = Limits(np.array([20.0]), np.array([np.inf]))
@@ -134,6 +137,7 @@ def test_limits_are_drawn_in_the_picture_of_the_input(loop, tmp_path):
     assert len(force(built, run, tmp_path / 'force.png', Limits.none(1))[0, 0].lines) == 1
 
 
+@pytest.mark.slow
 def test_an_error_that_outgrows_its_band_stays_in_the_panel(loop, tmp_path):
     built, run = loop
     wrong = replace(run, estimate=run.estimate + np.array([7.0, 0.0]))
@@ -151,6 +155,7 @@ def test_the_unit_of_time_is_that_of_the_caption(loop, tmp_path):
     assert states(built, run, tmp_path / 'states.png')[-1, 0].get_xlabel() == 'time [s]'
 
 
+@pytest.mark.slow
 def test_the_map_of_a_relative_state_has_the_track_of_its_observer(ship, tmp_path):
     """With a constant acceleration a it is a t^2 / 2, and the target keeps its velocity."""
     built, run = ship

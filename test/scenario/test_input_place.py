@@ -47,6 +47,7 @@ def test_the_centre_of_a_body_that_rocks_does_not_accelerate():
     assert np.abs([at_place(*wobble(k * 0.005)) for k in range(400)]).max() > 0.6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('place', 'least', 'most'), [(PLACE, 0.0, 0.1), (ORIGIN, 10.0, 30.0)])
 def test_dead_reckoning_stays_where_the_centre_is(place, least, most):
     """Half a minute of rocking in place, with the attitude that the same rates give."""

@@ -6,6 +6,7 @@
 
 import pytest
 from survey import failures
+from thorough import thorough
 
 
 # Seeds at which one linearisation for each range lost the target as it passed close by.
@@ -14,10 +15,10 @@ from survey import failures
     ('name', 'seed'),
     [
         ('bearing_tracker', 11),
-        ('bearing_tracker', 23),
-        ('bearing_tracker', 26),
+        thorough('bearing_tracker', 23),
+        thorough('bearing_tracker', 26),
         ('sound_tracker', 2),
-        ('sound_tracker', 6),
+        thorough('sound_tracker', 6),
         ('two_bearings', 2),
     ],
 )

@@ -19,6 +19,7 @@ def test_hostile_input_breaks_no_promise(seed):
         assert sum(1 for _ in Episode(seed).run()) == 200
 
 
+@pytest.mark.slow
 def test_an_estimator_that_does_not_look_is_found_out(monkeypatch):
     def careless(belief):
         return Gaussian(belief.mean, belief.covariance), 0
