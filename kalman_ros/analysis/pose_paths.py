@@ -46,6 +46,8 @@ class PosePath:
         Frame of the poses.
     planar
         Whether the third coordinate is not known.
+    skipped
+        Number of messages that had no pose at a time.
     """
 
     time: Array
@@ -54,6 +56,7 @@ class PosePath:
     covariance: Array | None = None
     frame: str = ''
     planar: bool = False
+    skipped: int = 0
 
     def covers(self, time: Array) -> Any:
         """Return at which times (M,) the path is known: not before or after it, nor in a gap."""

@@ -64,16 +64,17 @@ class PoseReader:
         self._read = WireReader(SignalCodec(Signal(topic, kind.replace('/msg/', '/'), fields)))
         self._rows = Rows(pose=(6,), covariance=(6, 6))
         self._stamps: list[int] = []
-        self._frame = ''
+        self._frame, self._skipped = '', 0
 
     def __call__(self, data: bytes) -> None:
-        """Add the pose in a message, if it can be decoded, has a stamp and is finite."""
+        """Add the pose in a message, or count it: undecodable, without a stamp, not finite."""
         try:
             time, pose, C = self._read(data)
             frame = leading_frame(data)
         except (UndecodableError, LookupError, ValueError, struct.error):
-            return
+            time = None
         if time is None or not is_finite(pose):
+            self._skipped += 1
             return
         self._frame = self._frame or frame
         self._stamps.append(time)
@@ -87,4 +88,7 @@ class PoseReader:
         # many publish zeros where they do not know
         known = len(C) and np.isfinite(C).all() and np.all(C[:, (0, 1), (0, 1)] > 0.0)
         time = np.asarray((stamps - start) * 1e-9)
-        return PosePath(time, pose[:, :3], pose[:, 3:], C if known else None, self._frame)
+        covariance = C if known else None
+        return PosePath(
+            time, pose[:, :3], pose[:, 3:], covariance, self._frame, skipped=self._skipped
+        )

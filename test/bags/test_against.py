@@ -21,6 +21,7 @@ TOPICS = {
     'odometry/filtered': 'nav_msgs/Odometry',
     'truth': 'geometry_msgs/PoseStamped',
     'words': 'geometry_msgs/TwistStamped',
+    'alone': 'geometry_msgs/PoseStamped',
 }
 ROBOT = {
     'model': 'robot_2d',
@@ -49,6 +50,10 @@ def of_pose(x, y, yaw, frame, variance=None):
     return fill
 
 
+def without_rotation(message):
+    message.pose.orientation.w = 0.0
+
+
 def in_the_body(fill):
     def both(message):
         message.child_frame_id = 'base_link'
@@ -70,9 +75,19 @@ def bag(tmp_path_factory):
         off = 2.0 if seconds >= JUMP else 0.0
         entries.append((seconds, 'odometry/filtered', of_pose(x + off, y, yaw, 'odom', 0.01)))
     entries.append((1.0, 'words', lambda message: None))
+    entries.append((2.0, 'alone', of_pose(0.0, 0.0, 0.0, 'odom')))
+    entries.append((3.0, 'alone', of_pose(np.nan, 0.0, 0.0, 'odom')))
+    entries.append((4.0, 'alone', without_rotation))
     topics = {f'/{name}': kind for name, kind in TOPICS.items()}
     entries = [(seconds, f'/{topic}', fill) for seconds, topic, fill in entries]
     return written(tmp_path_factory.mktemp('against') / 'bag', topics, entries)
+
+
+def of_robot(folder):
+    """Return the arguments for the robot, with the results in a folder."""
+    lines = '\n'.join(f'    {name}: {json.dumps(value)}' for name, value in ROBOT.items())
+    (folder / 'robot.yaml').write_text(f'/**:\n  ros__parameters:\n{lines}\n')
+    return ['--params-file', str(folder / 'robot.yaml'), '--out', str(folder / 'out')]
 
 
 @pytest.mark.slow
@@ -87,12 +102,9 @@ def test_both_are_compared_with_the_truth_and_with_each_other(bag):
 @pytest.mark.slow
 def test_the_program_prints_where_they_part_most_and_why(bag, tmp_path, capsys, monkeypatch):
     monkeypatch.setenv('COLUMNS', '100')
-    file = tmp_path / 'robot.yaml'
-    lines = '\n'.join(f'    {name}: {json.dumps(value)}' for name, value in ROBOT.items())
-    file.write_text(f'/**:\n  ros__parameters:\n{lines}\n')
-    words = ['--params-file', str(file), '--out', str(tmp_path / 'out')]
+    words = ['--against', 'odometry/filtered', '--truth', 'truth']
     with pytest.raises(SystemExit):
-        main([str(bag), *words, '--against', 'odometry/filtered', '--truth', 'truth'])
+        main([str(bag), *of_robot(tmp_path), *words])
     said = ' '.join(capsys.readouterr().out.split())
     assert 'Poses beside others: RMS in m, headings in deg' in said
     assert 'odometry/filtered jumps by ' in said
@@ -108,6 +120,19 @@ def test_the_program_prints_where_they_part_most_and_why(bag, tmp_path, capsys, 
     assert theirs['nees'] == pytest.approx(4.0 / 0.01 * 15.0 / 40.0 / 3.0, rel=0.01)
     assert found['estimate - truth']['ate'] < 1.0
     assert (tmp_path / 'out' / 'against.png').exists()
+
+
+@pytest.mark.slow
+def test_what_is_not_compared_is_told(bag, tmp_path, capsys):
+    with pytest.raises(SystemExit):
+        main([str(bag), *of_robot(tmp_path), '--against', 'alone', '--truth', 'truth'])
+    said = ' '.join(capsys.readouterr().out.split())
+    assert 'There is no time at which the estimate and alone are both known.' in said
+    assert 'There is no time at which alone and the truth are both known.' in said
+    assert '2 messages on alone are not compared: without a stamp, not finite' in said
+    found = json.loads((tmp_path / 'out' / 'summary.json').read_text())['against']
+    assert set(found) == {'estimate - truth'}
+    assert found['estimate - truth']['seconds'] == pytest.approx(SECONDS, abs=0.2)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import degrees, nan
 from typing import Any
@@ -85,6 +85,7 @@ def sheet(found: Comparison) -> tuple[str, Sheet]:
     lengths = sorted({part.length for row in rows.values() for part in row.relative})
     parts = [{part.length: part for part in row.relative} for row in rows.values()]
     columns = [
+        ('over s', [_cell(_span(row)) for row in rows.values()]),
         ('ATE', [_cell(row.ate) for row in rows.values()]),
         ('heading', [_cell(degrees(row.heading)) for row in rows.values()]),
     ]
@@ -110,17 +111,41 @@ def _rows(found: Comparison) -> dict[str, Separation]:
     return rows
 
 
+def _span(row: Separation) -> float:
+    """Return the seconds from the first to the last time at which both are known."""
+    return float(row.time[-1] - row.time[0]) if len(row.time) else nan
+
+
 def _cell(value: float) -> str:
     return '' if value != value else f'{value:.3g}'
 
 
-def parting(run: Replayed, found: Comparison) -> str:
-    """Return one sentence: where two estimates part most, and what happens there."""
-    apart, ours = found.apart, run.poses()
+def sentences(run: Replayed, found: Comparison) -> Iterator[str]:
+    """Yield where two estimates part most and what happens there, and what is not compared."""
+    ours, skipped = run.poses(), found.other.skipped
     if ours is None:
-        return f'There are no estimates with a pose to compare with {found.topic}.'
-    if apart is None:
-        return '' if found.errors else 'No time at which both are known.'
+        yield f'There are no estimates with a pose to compare with {found.topic}.'
+        return
+    if found.apart is not None:
+        yield _parting(run, found, found.apart, ours)
+    elif run.against is not None:
+        yield f'There is no time at which the estimate and {found.topic} are both known.'
+    if run.reference() is not None:
+        named = {'estimate': 'the estimate'}
+        if run.against is not None:
+            named[found.topic] = found.topic
+        for key, name in named.items():
+            if key not in found.errors:
+                yield f'There is no time at which {name} and the truth are both known.'
+    if skipped:
+        yield (
+            f'{skipped} messages on {found.topic} are not compared: without a stamp, not finite, '
+            'or with a quaternion of zero.'
+        )
+
+
+def _parting(run: Replayed, found: Comparison, apart: Separation, ours: PosePath) -> str:
+    """Return where two estimates part most, and what happens there."""
     at = int(np.argmax(apart.distance))
     sigma = _deviation(ours, float(apart.time[at]))
     sigmas = f' ({apart.distance[at] / sigma:.2g} sigma of the estimate)' if sigma > 0.0 else ''
@@ -221,6 +246,7 @@ def summary(found: Comparison) -> dict[str, Any]:
 def _json(row: Separation) -> dict[str, Any]:
     at = int(np.argmax(row.distance)) if len(row.distance) else 0
     return {
+        'seconds': plain(_span(row)),
         'ate': plain(row.ate),
         'heading': plain(row.heading),
         'nees': plain(row.nees),

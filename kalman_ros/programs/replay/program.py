@@ -132,8 +132,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     console.print()
     for sentence in tables.sentences(run, errors):
         console.print(sentence, markup=False)
-    if beside is not None and (sentence := comparison.parting(run, beside)):
-        console.print(sentence, markup=False)
+    if beside is not None:
+        for sentence in comparison.sentences(run, beside):
+            console.print(sentence, markup=False)
     if checks:
         console.print(checks_table('Consistency', checks))
     ratio = run.duration / wall if wall > 0.0 else inf
