@@ -17,7 +17,7 @@ from kalman_ros.core import Gaussian, Option, Value
 from kalman_ros.nodes.middleware import runtime
 from kalman_ros.nodes.middleware.diagnostics import Report
 from kalman_ros.nodes.middleware.meters import Latency
-from kalman_ros.nodes.middleware.topics import QUEUE, STATIC
+from kalman_ros.nodes.middleware.topics import COMMANDS, STATIC
 from kalman_ros.pipeline import transforms
 from kalman_ros.pipeline.estimator_options import EstimatorOptions
 from kalman_ros.pipeline.fuser import Fused, Fuser
@@ -177,7 +177,7 @@ class EstimatorNode(runtime.ScenarioNode):
             self.diagnostics.soon()
             self.get_logger().info(f'reset to {name}', throttle_duration_sec=1.0)
 
-        self.create_subscription(read.message_type, topic, on_message, QUEUE, raw=True)
+        self.create_subscription(read.message_type, topic, on_message, COMMANDS, raw=True)
         return on_message
 
     def _on_reset(self, _: Any, response: Any) -> Any:

@@ -25,6 +25,8 @@ from .host import Host
 #: Reliable, with a depth for about a second without processor time. A queue drops messages
 #: silently; a reader with too much to read drops and counts them itself.
 QUEUE = QoSProfile(depth=5000)
+#: Commands, of which a flood must hold up nothing else: the oldest of more are dropped.
+COMMANDS = QoSProfile(depth=100)
 
 #: For writers: a depth for what a lockstep recorder misses in that time. A message that a writer
 #: has dropped cannot be sent again.
