@@ -21,7 +21,7 @@ WHEELS = {
 MESSAGES = 'ros-jazzy-common-interfaces'
 BUILD = ['colcon-common-extensions', 'setuptools']
 #: Libraries that the tests use, and no robot needs.
-FOREIGN = ['pytest', 'hypothesis', 'filterpy', 'control', 'casadi', 'rosbags', 'foxglove']
+FOREIGN = ['hypothesis', 'filterpy', 'control', 'casadi', 'rosbags', 'foxglove']
 
 pytestmark = [pytest.mark.thorough, pytest.mark.slow, pytest.mark.executables]
 
