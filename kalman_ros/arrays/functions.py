@@ -59,18 +59,29 @@ def _real(what: str, value: ArrayLike) -> Array:
 
 
 class _Each:
-    """Applies a function of vectors to arrays of vectors: at once if possible, else one by one."""
+    """Applies a function of vectors to arrays of vectors: at once if possible, else one by one.
+
+    A function may take the coordinates as the last axis, ``x[..., 0]``, or as ``x[0]``, which most
+    write, and which takes arrays as well, one for each coordinate.
+    """
 
     def __init__(self, f: Function, what: str, sizes: Sequence[int], size: int) -> None:
         self._f, self._size, self._what = f, size, what
         rng = np.random.default_rng(0)
         points = [rng.uniform(0.5, 1.5, (3, n)) for n in sizes]
-        single = [self._one(*(p[i] for p in points)) for i in range(3)]
+        single = np.array([self._one(*(p[i] for p in points)) for i in range(3)])
+        self._at_once = self._agrees(lambda: f(*points), single)
+        #: Whether it takes the coordinates as the first axis.
+        self._by_coordinate = not self._at_once and self._agrees(
+            lambda: _real(what, f(*(p.T for p in points))).T, single
+        )
+
+    def _agrees(self, together: Callable[[], ArrayLike], single: Array) -> bool:
         try:
-            together = np.asarray(f(*points), dtype=float)
-            self._at_once = together.shape == (3, size) and np.allclose(together, single)
+            found = np.asarray(together(), dtype=float)
         except Exception:  # a user's function may fail on arrays in any way
-            self._at_once = False
+            return False
+        return found.shape == single.shape and bool(np.allclose(found, single))
 
     def _one(self, *point: Array) -> Array:
         try:
@@ -91,11 +102,16 @@ class _Each:
         if arguments[0].ndim == 1:
             return _real(self._what, self._f(*arguments)).reshape(self._size)
         lead = arguments[0].shape[:-1]
-        sizes = [a.shape[-1] for a in arguments]
-        whole = (np.broadcast_to(a, (*lead, k)) for a, k in zip(arguments, sizes))
-        flat = [a.reshape(prod(lead), k) for a, k in zip(whole, sizes)]
-        each = [_real(self._what, self._f(*point)) for point in zip(*flat)]
-        return np.array(each).reshape(*lead, self._size)
+        flat = []
+        for each in arguments:
+            whole = (*lead, each.shape[-1])
+            each = each if each.shape == whole else np.broadcast_to(each, whole)
+            flat.append(each.reshape(prod(lead), whole[-1]))
+        if self._by_coordinate:
+            found = _real(self._what, self._f(*(a.T for a in flat)))
+            return np.ascontiguousarray(found.T).reshape(*lead, self._size)
+        one_by_one = [_real(self._what, self._f(*point)) for point in zip(*flat)]
+        return np.array(one_by_one).reshape(*lead, self._size)
 
 
 class _Resting(Dynamics):

@@ -41,21 +41,27 @@ class _Log:
     """The outcomes of one sensor's rows."""
 
     time: list[float] = field(default_factory=list)
+    row: list[int] = field(default_factory=list)
     corrections: list[tuple[Array, Array, float]] = field(default_factory=list)
 
-    def add(self, time: float, present: Array, correction: Correction) -> None:
-        """Add a correction; missing values stay NaN."""
-        values, std = np.full((2, present.size), np.nan)
-        values[present] = correction.innovation
-        std[present] = np.sqrt(correction.innovation_covariance.diagonal())
+    def add(self, time: float, row: int, correction: Correction) -> None:
+        """Add the correction by a row."""
         self.time.append(time)
-        self.corrections.append((values, std, correction.nis))
+        self.row.append(row)
+        variances = correction.innovation_covariance.diagonal()
+        self.corrections.append((correction.innovation, variances, correction.nis))
 
-    def innovations(self, k: int) -> Innovations:
-        """Return all innovations as arrays."""
-        columns = list(zip(*self.corrections)) or [(), (), ()]
-        values, std = (np.array(column, dtype=float).reshape(-1, k) for column in columns[:2])
-        return Innovations(np.array(self.time), values, std, np.array(columns[2], dtype=float))
+    def innovations(self, rows: Array) -> Innovations:
+        """Return all innovations as arrays; values missing in ``rows`` (N, k) stay NaN."""
+        present = np.isfinite(rows[self.row])
+        values, variance = np.full((2, *present.shape), np.nan)
+        nis: tuple[float, ...] = ()
+        if self.corrections:
+            innovations, variances, nis = zip(*self.corrections)
+            values[present] = np.concatenate(innovations)
+            variance[present] = np.concatenate(variances)
+        time, found = np.array(self.time), np.array(nis, dtype=float)
+        return Innovations(time, values, np.sqrt(variance), found)
 
 
 class Pass:
@@ -117,8 +123,7 @@ class Pass:
             nis=np.array(nis)[shown],
             degrees=np.array(degrees)[shown],
             innovations={
-                name: log.innovations(self._task.sensors[name].output.size)
-                for name, log in self._logs.items()
+                name: log.innovations(self._rows[name].values) for name, log in self._logs.items()
             },
             readings={name: Series(each.time, each.values) for name, each in self._rows.items()},
             outputs={name: self._task.sensors[name].output for name in self._rows},
@@ -137,8 +142,7 @@ class Pass:
             outcome, correction = online.add_reading(sensor.name, stamp, y)
             self.counts[name][outcome.value] += 1
             if correction is not None:
-                present = np.isfinite(self._rows[name].values[index])
-                self._logs[name].add(self._seconds[stamp], present, correction)
+                self._logs[name].add(self._seconds[stamp], index, correction)
             if outcome.accepted and correction is not None:
                 fused.append(correction)
             broken |= outcome is Outcome.RECOVERED

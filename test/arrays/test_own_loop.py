@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Filters, an estimator and a regulator in a loop of one's own: the same as in the nodes."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -211,3 +213,30 @@ def test_results_print_in_one_line():
 def test_the_arguments_of_filterpy_are_answered_with_ours(name):
     with pytest.raises(TypeError, match=f'^{name}: filterpy has dim_x and dim_z, here'):
         getattr(kr, name)(dim_x=2, dim_z=1)
+
+
+@pytest.mark.parametrize(
+    ('f', 'calls'),
+    [
+        (lambda x, u: np.array([x[1], np.sin(x[0]) + u[0]]), 1),
+        (lambda x, u: [x[1], np.sin(x[0]) + u[0]], 1),
+        (lambda x, u: np.stack((x[..., 1], np.sin(x[..., 0]) + u[..., 0]), axis=-1), 1),
+        # what cannot take arrays, or is another function of them, is called for each point
+        (lambda x, u: np.array([x[1], math.sin(x[0]) + u[0]]), 12),
+        (lambda x, u: np.array([x[1], np.sin(x[0]) + u[0] + 0 * x.sum() + (x.ndim - 1)]), 12),
+    ],
+)
+def test_a_function_is_called_for_many_points_at_once_where_it_can_be(f, calls):
+    count = []
+
+    def counted(x, u):
+        count.append(1)
+        return f(x, u)
+
+    model = kr.continuous_model(counted, W=[0.1, 0.1], states='p q', inputs='u')
+    x, u = np.random.default_rng(1).normal(size=(3, 4, 2)), np.full(1, 0.3)
+    count.clear()
+    found = model.derivative(x, u)
+    assert len(count) == calls
+    expected = np.stack((x[..., 1], np.sin(x[..., 0]) + 0.3), axis=-1)
+    np.testing.assert_allclose(found, expected, rtol=1e-15)
