@@ -26,7 +26,7 @@ from kalman_ros.core import (
     vector,
 )
 
-from .foreign import is_foreign, read_system
+from .foreign import is_foreign, labels_of, read_system
 
 
 def square(name: str, value: ArrayLike | None) -> Array:
@@ -35,6 +35,8 @@ def square(name: str, value: ArrayLike | None) -> Array:
     array = np.atleast_2d(array) if array.ndim == 0 else array
     if array.ndim != 2 or array.shape[0] != array.shape[1]:
         raise ValueError(f'{name}: expected a square matrix, got {_shape(array)}')
+    if not array.size:
+        raise ValueError(f'{name}: expected at least one state, got none')
     return matrix(name, array, (len(array), len(array)))
 
 
@@ -169,7 +171,7 @@ def plant(A: Any, B: Any = None) -> Plant:
             return Plant(F, G, *names, model.period)
         system = linearize(model, *model.equilibrium)
         return Plant(system.A, system.B, *names)
-    dt = None
+    dt, labels = None, labels_of(A)
     other = read_system('A', A)
     if other is not None:
         A, B, dt = other.A, other.B, other.dt
@@ -180,8 +182,8 @@ def plant(A: Any, B: Any = None) -> Plant:
         )
     A = square('A', A)
     B = columns('B', B, len(A))
-    states = tuple(f'x{i}' for i in range(len(A)))
-    return Plant(A, B, states, tuple(f'u{i}' for i in range(B.shape[1])), dt)
+    states = labels[0] or tuple(f'x{i}' for i in range(len(A)))
+    return Plant(A, B, states, labels[1] or tuple(f'u{i}' for i in range(B.shape[1])), dt)
 
 
 def shifted(A: Any, given: tuple[Any, ...]) -> tuple[Any, ...]:

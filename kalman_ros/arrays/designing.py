@@ -147,8 +147,8 @@ def design(
     scenario, overrides
         As for `load`, with the parameters of estimator and controller. Or a system of
         python-control or scipy.signal alone, with noise of density 1 at each of its inputs,
-        readings of variance 1 of each of its outputs, and costs of 1; in continuous time at
-        20 samples per radian of its fastest mode.
+        or a pair (system, W); readings of variance 1 of each of its outputs, and costs of 1; in
+        continuous time at 20 samples per radian of its fastest mode.
     delay
         Seconds between a reading and the resulting input.
 
@@ -166,7 +166,8 @@ def design(
     array([[-62. , -33.5,  95.1,  18.8]])
     """
     parameters = None
-    if overrides is None and is_foreign(scenario) and not isinstance(scenario, Dynamics):
+    alone = scenario[0] if isinstance(scenario, tuple) and len(scenario) == 2 else scenario
+    if overrides is None and is_foreign(alone) and not isinstance(alone, Dynamics):
         scenario = _normalised(scenario)
     if not isinstance(scenario, Scenario):
         parameters = values_of(scenario, {} if overrides is None else overrides, *BELIEVED)
@@ -181,7 +182,8 @@ def design(
 
 def _normalised(given: Any) -> Scenario:
     """Return the loop of a system with noise and costs of 1."""
-    system: Any = read_system('scenario', given)
+    alone, noise = given if isinstance(given, tuple) else (given, None)
+    system: Any = read_system('scenario', alone)
     A = square('scenario: A', system.A)
     B = columns('scenario: B', system.B, len(A))
     C = rows('scenario: C', system.C, len(A))
@@ -190,4 +192,4 @@ def _normalised(given: Any) -> Scenario:
     rate = None
     if system.dt is None:
         rate = 20.0 * max(np.abs(np.linalg.eigvals(A)).max(initial=0.0), 0.05)
-    return make_scenario((given, B @ B.T), (C, 1.0), rate=rate)
+    return make_scenario((alone, B @ B.T if noise is None else noise), (C, 1.0), rate=rate)

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, ClassVar, NoReturn
 
 import numpy as np
 
@@ -64,6 +64,16 @@ class Estimates(KnownNames):
     labels
         Of the index that brought the times, by time; empty without one.
     """
+
+    other_names: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(('x', 'xs', 'x_hat', 'x_post', 'means', 'state_mean'), '.mean'),
+        **dict.fromkeys(('P', 'Ps', 'P_post', 'cov', 'covariances'), '.covariance'),
+        **dict.fromkeys(('y', 'residual', 'innovation'), ".innovations['name'].values"),
+        **dict.fromkeys(('llf', 'loglik', 'log_lik', 'loglikelihood'), '.log_likelihood'),
+        **dict.fromkeys(('t', 'times'), '.time'),
+        **dict.fromkeys(('K', 'S', 'gain'), 'of a correction: KalmanFilter(model).correct(...)'),
+        'std': ".covariance's diagonal, of which it is the root",
+    }  # fmt: skip
 
     state: Space
     time: Array

@@ -41,6 +41,19 @@ class ForeignSystem:
     continuous: bool
 
 
+def labels_of(value: Any) -> tuple[tuple[str, ...] | None, tuple[str, ...] | None]:
+    """Return the names of the states and inputs of a system of python-control; None without."""
+    states, inputs = (
+        tuple(getattr(value, f'{kind}_labels', None) or ()) for kind in ('state', 'input')
+    )
+
+    def given(labels: tuple[str, ...]) -> tuple[str, ...] | None:
+        # its own are x[0], x[1] and so on
+        return labels if labels and all(map(str.isidentifier, labels)) else None
+
+    return given(states), given(inputs)
+
+
 def _has(value: Any, kinds: tuple[tuple[str, ...], ...]) -> bool:
     """Return whether ``value`` is an object with all attributes of one of ``kinds``."""
     return not isinstance(value, type) and any(

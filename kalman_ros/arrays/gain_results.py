@@ -158,8 +158,19 @@ class StateFeedback(_Gain):
         return '\n'.join(lines)
 
 
+#: Names of python-control and MATLAB.
+_MARGINS = {
+    **dict.fromkeys(('gm', 'gain_margin', 'GainMargin', 'gain'), '.upper_gain.value'),
+    **dict.fromkeys(('pm', 'phase_margin', 'PhaseMargin', 'phase'), '.lag.value, in rad'),
+    **dict.fromkeys(('dm', 'delay_margin', 'DelayMargin'), '.delay.value'),
+    **dict.fromkeys(('wcg', 'wpc', 'GMFrequency'), '.upper_gain.frequency'),
+    **dict.fromkeys(('wcp', 'wgc', 'PMFrequency'), '.lag.frequency'),
+    **dict.fromkeys(('sm', 'stability_margin', 'modulus_margin'), '.distance.value'),
+}
+
+
 @dataclass(frozen=True, repr=False)
-class InputMargins(Margins):
+class InputMargins(KnownNames, Margins):
     """The margins of a loop at one input.
 
     Parameters
@@ -167,6 +178,8 @@ class InputMargins(Margins):
     loop
         The loop (1, 1), opened there.
     """
+
+    other_names = _MARGINS
 
     loop: StateSpace = field(compare=False)
 

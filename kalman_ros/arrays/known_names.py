@@ -3,11 +3,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NoReturn
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, ClassVar, NoReturn
 
 
 class KnownNames:
-    """A result whose error for an unknown attribute lists the attributes that it has."""
+    """A result whose error for an unknown attribute names the right one, or lists all."""
+
+    #: What others call an attribute, and its name here.
+    other_names: ClassVar[Mapping[str, str]] = {}
 
     if not TYPE_CHECKING:  # a type checker would take every name as known
 
@@ -15,6 +19,10 @@ class KnownNames:
             kind = type(self)
             if name.startswith('_'):  # asked for by Python and numpy, not by a person
                 raise AttributeError(name)
+            if name in self.other_names:
+                here = self.other_names[name]
+                raise AttributeError(f"{kind.__name__} has no '{name}'; here it is {here}")
             known = {*dir(kind), *getattr(kind, '__dataclass_fields__', ())}
+            known.discard('other_names')
             listed = ', '.join(sorted(each for each in known if not each.startswith('_')))
             raise AttributeError(f"{kind.__name__} has no '{name}'; it has {listed}")

@@ -22,7 +22,7 @@ from kalman_ros.core import (
 )
 
 from .accept import columns, duration, got, numbers, rows, space, square, weight
-from .foreign import read_system
+from .foreign import labels_of, read_system
 from .functions import (
     DiscreteFunctionModel,
     Function,
@@ -87,6 +87,7 @@ def continuous_model(
     >>> model.state.names
     ('x', 'v')
     """
+    states, inputs = _labelled(A, states, inputs)
     A, B, W, _ = _parts(('A', 'B', 'W', 'continuous_model'), (A, B, W), sampled=False)
     if callable(A):
         state, input = _spaces(A, 'W', W, states, inputs, angles)
@@ -122,6 +123,7 @@ def discrete_model(
     >>> kr.discrete_model([[1, 0.1], [0, 1]], Q=[0, 0.01], period=0.1).period
     0.1
     """
+    states, inputs = _labelled(F, states, inputs)
     F, G, Q, dt = _parts(('F', 'G', 'Q', 'discrete_model'), (F, G, Q), sampled=True)
     period = duration('period', dt or 1.0 if period is None else period)
     if dt is not None and period != dt:
@@ -240,6 +242,12 @@ def _parts(
             f'or {noise}=... for a model without an input'
         )
     return A, B, W, dt
+
+
+def _labelled(system: Any, states: Names, inputs: Names) -> tuple[Names, Names]:
+    """Return the names of states and inputs: those given, else those of a system that has any."""
+    own = labels_of(system)
+    return own[0] if states is None else states, own[1] if inputs is None else inputs
 
 
 def _size(names: Names) -> int:

@@ -32,6 +32,7 @@ from kalman_ros.scenario.parameter_files import from_file
 from kalman_ros.simulation.faults.plant_faults import plant_options
 
 from .accept import belief_of, got, number, weight
+from .foreign import is_foreign
 from .rows import model_of, sensors_of
 
 #: A sensor object in a program has no topic.
@@ -96,6 +97,8 @@ def values_of(
         hint = ''
         if isinstance(given, Dynamics):
             hint = '; kr.make_scenario makes one of a model and sensors'
+        elif is_foreign(given) or (isinstance(given, tuple) and given and is_foreign(given[0])):
+            hint = '; kr.make_scenario((system, W), sensors, rate=...) makes one'
         if isinstance(given, Scenario):
             hint = ' without parameters to change, as kr.make_scenario returns: give its parts'
         raise ValueError(f'scenario: expected a name or a file, got {got(given)}{hint}')

@@ -24,6 +24,7 @@ from kalman_ros.core import (
 from kalman_ros.core import linearize as linear_system
 
 from .accept import number, numbers
+from .foreign import is_foreign
 
 #: A state and an input, or values of some of them by name; others are at the equilibrium.
 Point = Optional[Union[Sequence[ArrayLike], Mapping[str, float]]]
@@ -57,8 +58,7 @@ def trim(model: Model | DiscreteModel, given: Point = None, near: Point = None) 
     >>> kr.trim(model, {'z': 10.0})
     OperatingPoint(state=array([10.,  0.]), input=array([19.62]))
     """
-    if not isinstance(model, Dynamics):
-        raise ValueError(f'model: expected a model, got {type(model).__name__}')
+    _check(model)
     held = {} if given is None else given
     if not isinstance(held, Mapping):
         raise ValueError(f'given: expected values by name, got {type(held).__name__}')
@@ -75,7 +75,7 @@ def trim(model: Model | DiscreteModel, given: Point = None, near: Point = None) 
 
 
 def linearize(
-    model: Model | DiscreteModel, point: Point = None
+    model: Model | DiscreteModel, point: Point = None, input: ArrayLike | None = None
 ) -> LinearSystem | DiscreteLinearSystem:
     """Return the linear system of small deviations from a point, with the model's noise.
 
@@ -87,7 +87,10 @@ def linearize(
         The model.
     point
         A state, a state and an input, or values of some of them by name; by default the
-        equilibrium, whose input is also that of a state alone.
+        equilibrium, whose input is also that of a state alone. At a point where the model does
+        not rest, deviations are those from its motion.
+    input
+        The input, where ``point`` is a state.
 
     Examples
     --------
@@ -96,15 +99,27 @@ def linearize(
     >>> kr.linearize(pole, {'theta': 3.14159}).A.shape
     (4, 4)
     """
-    if not isinstance(model, Dynamics):
-        raise ValueError(f'model: expected a model, got {type(model).__name__}')
-    x, u = operating_point(model, 'point', point)
+    _check(model)
+    both: Any = point
+    if input is not None:
+        if point is None or isinstance(point, Mapping):
+            raise ValueError('input: expected a state beside it; or give values of both by name')
+        both = point, input
+    x, u = operating_point(model, 'point', both)
     if not isinstance(model, DiscreteModel):
         return linear_system(model, x, u)
     F, G = model.next_jacobian(x, u)
     return DiscreteLinearSystem(
         F, G, model.noise(x), model.state.tangent, model.input, model.period
     )
+
+
+def _check(model: Any) -> None:
+    """Raise ValueError if it is no model; the message has what makes one."""
+    if not isinstance(model, Dynamics):
+        hint = '; a linear system rests at 0' if is_foreign(model) else ''
+        hint = f"; that of a scenario is kr.load('{model}').model" if str(model) == model else hint
+        raise ValueError(f'model: expected a model, got {type(model).__name__}{hint}')
 
 
 def operating_point(model: Dynamics, what: str, given: Point) -> OperatingPoint:

@@ -57,6 +57,75 @@ def test_systems_of_scipy():
         kr.dlqr(system, 1, 1)
 
 
+def test_names_of_a_system_are_kept():
+    system = SimpleNamespace(
+        A=A, B=B, C=C, D=D, dt=0, state_labels=['place', 'speed'], input_labels=['force']
+    )
+    for model in (
+        kr.continuous_model(system, W),
+        kr.make_scenario((system, W), (C, 1.0), rate=9).model,
+    ):
+        assert model.state.names == ('place', 'speed') and model.input.names == ('force',)
+    assert kr.continuous_model(system, W, states='a b').state.names == ('a', 'b')
+    assert 'K force' in str(kr.lqr(system, 1, 1))
+    # those that python-control makes up are no names
+    system.state_labels, system.input_labels = ['x[0]', 'x[1]'], ['u[0]']
+    assert kr.continuous_model(system, W).state.names == ('x0', 'x1')
+
+
+@pytest.mark.parametrize(
+    ('call', 'why'),
+    [
+        (lambda s: kr.simulate(s), r'make_scenario\(\(system, W\), sensors, rate='),
+        (lambda s: kr.worst_case((s, W), {}), r'make_scenario\(\(system, W\), sensors'),
+        (lambda s: kr.trim(s), 'a linear system rests at 0'),
+        (lambda s: kr.linearize('cart_pole'), r"is kr\.load\('cart_pole'\)\.model"),
+        (lambda s: kr.lqr(np.zeros((0, 0)), np.zeros((0, 1)), 1, 1), 'at least one state'),
+        (lambda s: kr.linearize(kr.continuous_model(A, B, W), input=[0.0]), 'a state beside it'),
+    ],
+)
+def test_what_takes_no_system_names_what_makes_one(call, why):
+    with pytest.raises(ValueError, match=why):
+        call(signal.lti(A, B, C, D))
+
+
+def test_a_design_of_a_system_has_its_noise():
+    small, large = (kr.design((signal.lti(A, B, C, D), s * W)).std for s in (0.01, 1.0))
+    assert (small < large).all()
+
+
+def test_a_point_of_two_arguments_is_that_of_a_pair():
+    pole = kr.load('cart_pole').model
+    x, u = [0.0, 0.0, 1.0, 0.0], [2.0]
+    np.testing.assert_array_equal(kr.linearize(pole, x, u).A, kr.linearize(pole, (x, u)).A)
+
+
+@pytest.mark.parametrize(
+    ('name', 'here'),
+    [('x', '.mean'), ('P', '.covariance'), ('llf', '.log_likelihood'), ('K', 'of a correction')],
+)
+def test_an_attribute_of_elsewhere_names_ours(name, here):
+    walk = kr.continuous_model([[0.0]], W=[1.0])
+    found = kr.filter(walk, ([1.0], 1.0), [0.0], [0.0], initial=(0, 1))
+    with pytest.raises(AttributeError, match=f"^Estimates has no '{name}'; here it is {here}"):
+        getattr(found, name)
+    with pytest.raises(AttributeError) as error:
+        found.nothing  # noqa: B018
+    assert 'mean' in str(error.value) and 'other_names' not in str(error.value)
+
+
+@pytest.mark.parametrize('name', ['gm', 'pm', 'wcg', 'wcp', 'sm', 'dm'])
+def test_a_margin_of_elsewhere_names_ours(name):
+    at = kr.margins(kr.lqr(A, B, 1, 1))
+    with pytest.raises(AttributeError, match=f"has no '{name}'; here it is ") as error:
+        getattr(at, name)
+    path = str(error.value).rpartition(' here it is .')[2].partition(',')[0]
+    found = at
+    for part in path.split('.'):
+        found = getattr(found, part)
+    assert isinstance(found, float)
+
+
 def test_systems_of_python_control():
     pytest.importorskip('control.statesp', reason='python-control is not installed')
     control = pytest.importorskip('control')
