@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
+from textwrap import fill, indent
 
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -29,7 +30,7 @@ _COLUMNS = SpinnerColumn(), TextColumn('{task.description}'), TimeElapsedColumn(
 
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     """Return the command line's options."""
-    claims = '\n'.join(f'  {name:16}{claim(name)}' for name in STUDIES)
+    claims = indent('\n'.join(map(_listed, STUDIES)), '  ')
     parser = argparse.ArgumentParser(
         prog='study',
         description=f'{__doc__}\n\n{claims}',
@@ -55,13 +56,18 @@ def claim(name: str) -> str:
     return (module.__doc__ or '').partition('\n')[0]
 
 
+def _listed(name: str) -> str:
+    """Return the name of a study beside its claim, on lines that fit a terminal."""
+    return fill(f'{name:16}{claim(name)}', 76, subsequent_indent=' ' * 16)
+
+
 def main(argv: Sequence[str] | None = None) -> None:
     """Run studies, also after a failure; exit with the worst of their codes."""
     options = arguments(argv)
     console = Console()
     if not options.names:
         for name in STUDIES:
-            console.print(f'{name:16}{claim(name)}', highlight=False, soft_wrap=True)
+            console.print(_listed(name), highlight=False, soft_wrap=True)
         console.print('\nRun some with: study NAME ..., all with: study all')
         return
     names = list(STUDIES) if options.names == ['all'] else options.names
