@@ -21,11 +21,15 @@ from .tables import to_dataframe
 
 @dataclass(frozen=True)
 class Record:
-    """The data for smoothing: the filter, every step, and which are shown."""
+    """The data for smoothing and drawing.
+
+    The filter, every step, which are shown, and H (k, n) of each sensor that is linear.
+    """
 
     filter: Any
     steps: Sequence[Filtered]
     shown: Sequence[int]
+    slopes: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -131,8 +131,14 @@ class Pass:
             log_likelihood=likelihood,
             filter=self._task.filter,
             arithmetic=self._task.arithmetic,
-            record=Record(self._filter, steps, shown),
+            record=Record(self._filter, steps, shown, self._slopes()),
         )
+
+    def _slopes(self) -> dict[str, Array]:
+        """Return H of the sensors that are linear."""
+        rest = self._task.model.equilibrium.state
+        sensors = {name: self._task.sensors[name] for name in self._rows}
+        return {name: each.jacobian(rest) for name, each in sensors.items() if each.linear}
 
     def _step(self, stamp: int) -> tuple[Filtered, list[Correction]]:
         """Process the rows of one time; return the belief after it and the fused readings."""

@@ -26,6 +26,8 @@ class Estimates(Protocol):
     readings: Mapping[str, Series]
     outputs: Mapping[str, Space]
     smoothed: bool
+    #: With ``slopes``, H (k, n) of each sensor that is linear.
+    record: Any
 
 
 def estimates(result: Any, truth: Array | None, path: Path | None) -> Any:
@@ -61,19 +63,28 @@ def _label(estimates: Estimates) -> str:
 
 
 def _draw_readings(axis: Any, estimates: Estimates, name: str) -> None:
-    """Draw the readings of a state: outputs of its name, or the first one of a single state."""
+    """Draw the readings of a state: of its name, or of nothing but a multiple of it."""
     single = estimates.state.size == 1
     labelled = False
     for sensor, series in estimates.readings.items():
         output = estimates.outputs[sensor]
-        columns = [
-            i for i, output_name in enumerate(output.names) if output_name == name or single
-        ]
-        for column in columns[:1]:
+        scales = _scales(estimates, sensor, name)
+        named = {i: 1.0 for i, other in enumerate(output.names) if other == name or single}
+        for column, scale in list({**named, **scales}.items())[:1]:
             label = None if labelled else 'reading'
             finite = np.isfinite(series.values[:, column])
             axis.plot(
-                series.time[finite], series.values[finite, column], '.', ms=3.0, color=READING,
-                label=label,
+                series.time[finite], series.values[finite, column] / scale, '.', ms=3.0,
+                color=READING, label=label,
             )  # fmt: skip
             labelled = True
+
+
+def _scales(estimates: Estimates, sensor: str, name: str) -> dict[int, float]:
+    """Return the readings of a linear sensor that are a multiple of a state, and the multiples."""
+    H = estimates.record.slopes.get(sensor)
+    if H is None:
+        return {}
+    index = estimates.state.names.index(name)
+    alone = (np.count_nonzero(H, axis=1) == 1) & (H[:, index] != 0.0)
+    return {int(row): float(H[row, index]) for row in np.flatnonzero(alone)}

@@ -330,3 +330,19 @@ def test_everything_prints_its_contents():
     assert 'F: [[1.0]]; G: [[]]; Q: [[2.0]]; period: 1 s' in repr(kr.discrete_model([[1]], Q=2))
     for value in (PRIOR, kr.load('cart_pole'), CHAIN.state, kr.Space(('a',), ('m',))):
         assert ' at 0x' not in repr(value)
+
+
+def test_readings_are_drawn_where_a_state_is_read_alone():
+    """Whatever the sensor calls them, and in the unit of the state."""
+    plt = pytest.importorskip('matplotlib.pyplot')
+    model = kr.continuous_model([[0, 1], [0, 0]], W=[0, 0.1], states='place speed')
+    times, y = np.arange(5.0), np.arange(5.0)[:, np.newaxis] * [1.0, 2.0]
+    found = kr.filter(model, ([[1, 1], [0, 4]], [1, 1]), times, y, initial=([0, 1], 0.1))
+    axes = found.plot()[:, 0]
+    dots = [
+        [line.get_ydata().tolist() for line in axis.lines if line.get_label() == 'reading']
+        for axis in axes
+    ]
+    plt.close('all')
+    # the first row reads a sum, the second four times the speed
+    assert dots == [[], [(0.5 * times).tolist()]]
