@@ -613,6 +613,44 @@ def test_a_filter_that_reads_another_ones_odometry_does_not_take_its_topic(tmp_p
 
 
 @pytest.mark.parametrize(
+    ('worlds', 'remaps'),
+    [
+        (
+            ['map', 'odom'],
+            [
+                {
+                    'a/estimate/odometry': 'odometry/global',
+                    'b/estimate/odometry': 'odometry/local',
+                },
+                {'b/estimate/odometry': 'odometry/local'},
+            ],
+        ),
+        (['odom', 'odom'], [{}, {}]),
+        (['map', 'map'], [{}, {}]),
+        (['odom'], [{'estimate/odometry': 'odometry/filtered'}]),
+        (['map'], [{}]),
+    ],
+)
+def test_two_filters_are_remapped_as_in_the_example_of_robot_localization(
+    tmp_path, worlds, remaps
+):
+    lines = [
+        f'{name}:\n  ros__parameters: {{odom0: odom, odom0_config: {config("vx")}, '
+        f'world_frame: {world}}}'
+        for name, world in zip('ab', worlds)
+    ]
+    file = tmp_path / 'theirs.yaml'
+    file.write_text('\n'.join(lines) + '\n')
+    assert [each.remaps for each in translated(their_nodes(file))] == remaps
+    main([str(file), '--out', str(tmp_path / 'ours.yaml')])
+    for name, expected in zip('ab', remaps):
+        suffix = f'_{name}' if len(worlds) > 1 else ''
+        text = (tmp_path / f'ours{suffix}.yaml').read_text()
+        arguments = ''.join(f' -r {ours}:={other}' for ours, other in expected.items())
+        assert (f'--ros-args{arguments}\n' in text) == bool(expected)
+
+
+@pytest.mark.parametrize(
     ('text', 'planar'),
     [
         ('ekf: {two_d_mode: false, S}\n/**: {two_d_mode: true}\n', True),

@@ -6,9 +6,8 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import rclpy
 from rich.console import Console
@@ -23,13 +22,11 @@ from kalman_ros.programs.refusal import refuse
 from kalman_ros.scenario.parameter_text import section_text
 
 from .their_file import Row, their_nodes
-from .translation import Translation, translated
+from .translation import ODOMETRY, Translation, translated
 
 PROGRAM = 'from_robot_localization'
 #: The most values of a file that are left out because they are out of range.
 _MOST_LEFT_OUT = 20
-#: Their topic of the odometry, unless a launch file remaps it.
-_THEIRS = 'odometry/filtered'
 
 
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
@@ -51,7 +48,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     )  # fmt: skip
     parser.add_argument(
         '--against', default='', metavar='TOPIC',
-        help=f'of that output (default: /{_THEIRS}, where it is recorded)',
+        help=f'of that output (default: /{ODOMETRY}, where it is recorded)',
     )  # fmt: skip
     parser.add_argument(
         '--truth', default='', metavar='TOPIC', help='of true poses in that recording'
@@ -59,28 +56,18 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     return parser.parse_args(argv)
 
 
-def as_text(values: Mapping[str, Any], source: str) -> str:
+def as_text(translation: Translation, source: str) -> str:
     """Return parameters as a ROS parameter file for a node of any name."""
-    topic, renamed = odometry_of(values), remap(values)
     comments = [f'# From {one_line(source)}, a file of robot_localization.']
+    topic = translation.odometry
     comments.append(f'# The odometry is on {topic}; for nodes that expect it elsewhere, remap it.')
-    if renamed:
-        comments.append(f'# When this is started: --ros-args{renamed}')
-    return '\n'.join((*comments, section_text('/**', values)))
+    if translation.remaps:
+        comments.append(f'# When this is started: --ros-args{_arguments(translation)}')
+    return '\n'.join((*comments, section_text('/**', translation.values)))
 
 
-def odometry_of(values: Mapping[str, Any]) -> str:
-    """Return the topic of the odometry of a filter."""
-    return f'{values.get("state.topic", "estimate")}/odometry'
-
-
-def remap(values: Mapping[str, Any]) -> str:
-    """Return the remap to their topic; '' where another filter has it.
-
-    That is one of the same file, or the one whose odometry is read for the transform to a map.
-    """
-    alone = 'state.topic' not in values and 'tf_odometry' not in values
-    return f' -r {odometry_of(values)}:={_THEIRS}' if alone else ''
+def _arguments(translation: Translation) -> str:
+    return ''.join(f' -r {ours}:={theirs}' for ours, theirs in translation.remaps.items())
 
 
 def written(filters: Sequence[Translation], source: Path, out: Path | None) -> list[Path]:
@@ -108,7 +95,7 @@ def written(filters: Sequence[Translation], source: Path, out: Path | None) -> l
         if file.resolve() == source.resolve():
             raise ValueError(f'--out: expected another file than {source}')
     for file, translation in zip(files, filters):
-        file.write_text(as_text(translation.values, source.name))
+        file.write_text(as_text(translation, source.name))
         _read_back(file)
     return files
 
@@ -224,7 +211,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     for translation, file in zip(filters, files):
         space = f' -r __ns:=/{translation.namespace}' if translation.namespace else ''
         node = f' -r __node:={translation.name}' if len(files) > 1 else ''
-        names = f'{space}{node}{remap(translation.values)}'
+        names = f'{space}{node}{_arguments(translation)}'
         command = f'ros2 run kalman_ros estimator --ros-args{names} --params-file '
         console.print(_shown(f'{translation.title}: {file}'), style='bold', soft_wrap=True)
         console.print(_shown(f'  {command}{shlex.quote(str(file))}'), soft_wrap=True)
@@ -233,7 +220,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         'SENSOR.mount.'
     )
     if options.compare:
-        against = options.against or (f'/{_THEIRS}' if f'/{_THEIRS}' in recorded else '')
+        against = options.against or (f'/{ODOMETRY}' if f'/{ODOMETRY}' in recorded else '')
         sys.exit(max(compared(file, options, against) for file in files))
 
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -57,6 +57,8 @@ _STATES, _YAW = 15, 5
 #: Limits of accelerations by commands, of six axes, of which three are in the plane.
 _LIMITS = 'acceleration_limits', 'deceleration_limits'
 _AXES, _PLANAR_AXES = 6, [0, 1, 5]
+#: Their topic of the odometry, and those of two filters in the launch file of their example.
+ODOMETRY, LOCAL, GLOBAL = 'odometry/filtered', 'odometry/local', 'odometry/global'
 #: Values without the parameter: those of robot_localization's own file of defaults.
 _FREQUENCY, _RATE = 30.0, 100.0
 _CONTROL_TIMEOUT = 0.2
@@ -76,6 +78,13 @@ class Translation:
 
     node: TheirNode
     values: dict[str, Any]
+    #: Their topics by ours, where no other filter has these.
+    remaps: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def odometry(self) -> str:
+        """Our topic of the odometry of a filter."""
+        return f'{self.values.get("state.topic", "estimate")}/odometry'
 
     @property
     def name(self) -> str:
@@ -128,11 +137,12 @@ def _translated(nodes: Sequence[TheirNode]) -> list[Translation]:
         if several:
             values['state.topic'] = f'{node.name}/estimate'
         if values['publish_tf'] and _is_global(node):
-            topic = f'{local.name}/estimate/odometry' if several and local else 'odometry/filtered'
+            topic = f'{local.name}/estimate/odometry' if several and local else ODOMETRY
             values['tf_odometry'] = topic
         for name in node.unaccounted:
             node.note(name, 'unknown to this program', carried=False)
         translations.append(Translation(node, values))
+    _name_topics(translations)
     for node in nodes:
         if not node.filters:
             outcome = 'unknown to this program' if node.navigates else 'of no filter'
@@ -140,6 +150,28 @@ def _translated(nodes: Sequence[TheirNode]) -> list[Translation]:
                 node.note(name, outcome, carried=False)
             translations.append(Translation(node, {}))
     return translations
+
+
+def _name_topics(filters: Sequence[Translation]) -> None:
+    """Add the remaps to their topics.
+
+    Of two they are those of the launch file of their example: one in the frame of the odometry,
+    and one in that of a map, which may read the odometry of the first. One that reads the odometry
+    of another file's has none.
+    """
+    if len(filters) == 1:
+        (alone,) = filters
+        if 'tf_odometry' not in alone.values:
+            alone.remaps[alone.odometry] = ODOMETRY
+        return
+    kinds = [_is_global(each.node) for each in filters]
+    if sorted(kinds) != [False, True]:
+        return
+    other, local = filters[kinds.index(True)], filters[kinds.index(False)]
+    local.remaps[local.odometry] = LOCAL
+    other.remaps[other.odometry] = GLOBAL
+    if 'tf_odometry' in other.values:
+        other.remaps[local.odometry] = LOCAL
 
 
 def _is_global(node: TheirNode) -> bool:
