@@ -60,3 +60,34 @@ def test_a_linear_step_is_exact_with_its_input():
     body = LinearSystem([[0.0, 1.0], [0.0, 0.0]], [[0.0], [2.0]], np.eye(2), space, force)
     x = body.step(np.array([1.0, -1.0]), np.array([3.0]), 0.5)
     np.testing.assert_allclose(x, [1.0 - 0.5 + 0.5 * 6.0 * 0.25, -1.0 + 6.0 * 0.5], rtol=1e-14)
+
+
+class WithJacobian(Pendulum):
+    """A pendulum that defines its Jacobian."""
+
+    def state_jacobian(self, x, u):
+        return np.array([[0.0, 1.0], [-np.cos(x[0]), 0.0]])
+
+
+class WithTransition(Pendulum):
+    """A pendulum that defines its linearised step."""
+
+    def transition(self, x, u, dt):
+        raise NotImplementedError
+
+
+@pytest.mark.parametrize(
+    ('kind', 'analytic'), [(Pendulum, False), (WithJacobian, True), (WithTransition, True)]
+)
+def test_a_model_is_analytic_where_its_class_defines_a_linearisation(kind, analytic):
+    assert kind().analytic is analytic
+
+
+def test_an_analytic_step_is_computed_without_differences(monkeypatch):
+    def fail(*_):
+        raise AssertionError('differences are not needed')
+
+    monkeypatch.setattr(Model, 'differenced_step', fail)
+    assert WithJacobian().linearized_step(START, PUSH, 0.1).F.shape == (2, 2)
+    with pytest.raises(AssertionError, match='not needed'):
+        Pendulum().linearized_step(START, PUSH, 0.1)
