@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from rosbags import rosbag1, rosbag2
 from rosbags.typesys import Stores, get_typestore
 
-from kalman_ros.bags import ros1_reader
+from kalman_ros.bags import blocks, ros1_reader
 from kalman_ros.bags.blocks import Block, Message, as_published, in_order
 from kalman_ros.bags.budget import Budget
 from kalman_ros.bags.compression import Part, expand
@@ -170,6 +170,33 @@ def test_a_response_that_was_received_first_is_not_before_its_cause():
     assert found == [5, 7, 9, 10**10, 10**10 + 1]
     late = (Message(10 * k, '/t', b'', 2**63) for k in range(60_000))
     assert len(list(as_published(late))) == 60_000
+
+
+@pytest.mark.parametrize(
+    ('every', 'size', 'count'),
+    [
+        (2 * 10**9, 0, 3),  # of times 0, 2 and 4 s: two seconds are not more than two seconds
+        (10**6, 0, 6),
+        (10**6, 20, 6),
+        (10**6, 50, 3),
+        (10**6, 101, 1),
+    ],
+)
+def test_a_message_waits_for_two_seconds_or_until_too_much_waits(monkeypatch, every, size, count):
+    monkeypatch.setattr(blocks, 'MOST_WAITING', 5)
+    monkeypatch.setattr(blocks, 'MOST_PENDING', 100)
+    received = []
+
+    def reception():
+        for k in range(10):
+            received.append(k)
+            yield Message(every * k, '/t', bytes(size))
+
+    stream = as_published(reception())
+    assert next(stream).time == 0
+    assert len(received) == count
+    assert len([*stream]) == 9
+    assert len(received) == 10
 
 
 # --- what is no recording ------------------------------------------------------------------------
