@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """A regulator along a motion: where it aims, when it ends, and that its input never jumps."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from kalman_ros.control.feedback import Feedback, Regulator
-from kalman_ros.control.motion import Motion
+from kalman_ros.control.motion import Differences, Motion
 from kalman_ros.control.moving_point import steady_input
 from kalman_ros.core import Space
 from kalman_ros.models.cart_pole import CartPole
@@ -29,6 +31,82 @@ def test_it_is_interpolated_the_short_way_and_held_beyond_its_ends():
     assert middle.input == 1.0
     assert MOTION.duration == pytest.approx(0.2)
     assert '0.2 s' in repr(MOTION) and 'yaw' in repr(MOTION)
+
+
+def changing(motion):
+    """Return the motion with gains and differences that are others at each step."""
+    k = np.arange(1.0, len(motion.states) + 1.0)[:, np.newaxis, np.newaxis]
+    differences = Differences(k * np.eye(2), k * np.ones((2, 1)), k * np.ones((1, 1)))
+    return replace(motion, gains=k * np.array([[2.0, 3.0]]), differences=differences)
+
+
+def assert_steps(motion, steps):
+    """Assert that these steps of `MOTION` are all of a motion, with what belongs to them."""
+    whole = changing(MOTION)
+    np.testing.assert_array_equal(motion.states, STATES[steps])
+    np.testing.assert_array_equal(motion.inputs, INPUTS[steps])
+    np.testing.assert_array_equal(motion.gains, whole.gains[steps])
+    for mine, theirs in zip(motion.differences, whole.differences):
+        np.testing.assert_array_equal(mine, theirs[steps])
+
+
+@pytest.mark.parametrize(
+    ('seconds', 'count', 'steps'),
+    [
+        (0.0, 2, [0, 1, 2]),
+        (-9.0, 1, [0, 1]),
+        (0.0999, 1, [0, 1]),
+        (0.1 - 1e-9, 1, [1, 2]),
+        (0.15, 3, [1, 2, 2, 2]),
+        (9.0, 2, [2, 2, 2]),
+    ],
+)
+def test_what_is_ahead_rests_after_the_end(seconds, count, steps):
+    assert_steps(changing(MOTION).ahead(seconds, count), steps)
+    assert MOTION.ahead(seconds, count).gains is None
+
+
+@pytest.mark.parametrize(
+    ('start', 'end', 'steps'),
+    [
+        (0.0, 0.2, [0, 1, 2]),
+        (-1.0, 9.0, [0, 1, 2]),
+        (0.15, 0.2 - 1e-9, [1, 2]),
+        (0.1 - 1e-9, 0.19, [1]),
+        (0.15, 0.05, [1]),
+        (9.0, 9.0, [2]),
+    ],
+)
+def test_a_part_begins_at_the_step_before_its_start(start, end, steps):
+    assert_steps(changing(MOTION).part(start, end), steps)
+    assert MOTION.part(start, end).differences is None
+
+
+def test_two_parts_that_meet_are_one_motion():
+    whole = changing(MOTION)
+    first, second = whole.part(0.0, 0.1), whole.part(0.1, 0.2)
+    assert_steps(first.then(second), [0, 1, 2])
+    plain = first.then(replace(second, gains=None, differences=None))
+    np.testing.assert_array_equal(plain.states, STATES)
+    assert plain.gains is plain.differences is None
+    plain = replace(first, gains=None, differences=None).then(second)
+    assert plain.gains is plain.differences is None
+
+
+def test_the_rate_of_a_step_leads_to_the_next_and_its_input_is_the_one_before():
+    for seconds, step, before in ((-1.0, 0, 0), (0.0, 0, 0), (0.1 - 1e-9, 1, 0), (0.19, 1, 0)):
+        state, rate, u = MOTION.moving(seconds)
+        np.testing.assert_array_equal(state, STATES[step])
+        np.testing.assert_allclose(rate, SPACE.subtract(STATES[step + 1], STATES[step]) / 0.1)
+        np.testing.assert_array_equal(u, INPUTS[before])
+    for seconds in (0.2, 9.0):
+        state, rate, u = MOTION.moving(seconds)
+        np.testing.assert_array_equal(state, STATES[2])
+        np.testing.assert_array_equal(rate, [0.0, 0.0])
+        np.testing.assert_array_equal(u, INPUTS[2])
+    long = Motion(SPACE, 0.1, np.vstack((STATES, STATES)), np.arange(6.0)[:, np.newaxis])
+    np.testing.assert_array_equal(long.moving(0.31)[2], [2.0])
+    np.testing.assert_allclose(MOTION.time, [0.0, 0.1, 0.2])
 
 
 def test_every_step_of_a_long_motion_is_met_exactly():
