@@ -117,6 +117,21 @@ def test_a_path_that_stands_is_aligned_without_a_turn():
     assert found.ate < 1e-12 and found.relative == ()
 
 
+@pytest.mark.parametrize(('extent', 'turns'), [(0.9e-3, False), (1.1e-3, True)])
+def test_a_path_is_turned_only_where_both_move_in_the_plane(extent, turns):
+    """By more than a millimetre about their means; how far they rise does not count."""
+    a = np.linspace(0.0, 2.0 * np.pi, 100, endpoint=False)
+    round_ = np.stack((np.cos(a), np.sin(a), 9.0 * np.sin(a)), axis=-1)
+    turned = round_[:, [1, 0, 2]] * np.array([-1.0, 1.0, 1.0])  # by 90 degrees
+    large = PosePath(a, round_, np.zeros((100, 3)))
+    small = replace(large, position=turned * np.array([extent, extent, 1.0]))
+    for path, reference, yaw in ((large, small, 0.5 * np.pi), (small, large, -0.5 * np.pi)):
+        aligned = path.aligned_with(reference)
+        expected = [0.0, 0.0, yaw if turns else 0.0]
+        np.testing.assert_allclose(aligned.rotation, np.tile(expected, (100, 1)), atol=1e-9)
+        np.testing.assert_allclose(aligned.position[:, 2], path.position[:, 2], atol=1e-9)
+
+
 def test_states_are_poses_in_the_order_of_time_and_the_last_of_one_time_counts():
     space = Space(('v', 'y', 'x', 'yaw'), ('m/s', 'm', 'm', 'rad'), angles=('yaw',))
     fields = tuple(f'position[{name}]' for name in space.names)

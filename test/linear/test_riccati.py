@@ -205,3 +205,19 @@ def test_a_solution_with_a_residual_is_refused(design, monkeypatch):
     monkeypatch.setattr(riccati, '_RESIDUAL', -1.0)
     with pytest.raises(DesignError, match='^input_cost: expected a size that can be weighed'):
         design(*problem, cost([1, 1], [1], (2, 1)))
+
+
+def test_rounding_below_zero_is_taken_from_a_covariance_and_more_is_refused():
+    Q = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+
+    def with_least(size):
+        return (Q * np.array([1.0, 0.5, size])) @ Q.T
+
+    for S in (np.zeros((0, 0)), np.diag([1.0, 0.0]), with_least(1e-3)):
+        assert riccati._semidefinite(S) is S
+    for size in (-1e-15, -0.9 * riccati._LOST):
+        found = riccati._semidefinite(with_least(size))
+        assert np.linalg.eigvalsh(found)[0] >= -1e-16
+        np.testing.assert_allclose(found, with_least(0.0), atol=1e-15)
+    with pytest.raises(np.linalg.LinAlgError, match='not a covariance'):
+        riccati._semidefinite(with_least(-1.1 * riccati._LOST))
