@@ -29,5 +29,7 @@ def reach(std: float, power: float = 0.0, freedom: float = inf) -> tuple[float, 
         return half_width, half_width
     f = 2.0 / (power * std) ** 2
     low, high = (chi_square_gate(share, f) / f for share in (_LOW, _HIGH))
-    below, above = log(high) / abs(power), -log(low) / abs(power) if low else inf
+    if not low:  # of less than a reading, any noise is likely
+        return inf, inf
+    below, above = log(high) / abs(power), -log(low) / abs(power)
     return (below, above) if power > 0.0 else (above, below)
