@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plants with a delayed input, against the input in continuous time."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -31,7 +33,7 @@ def continuous(delay):
     edges = np.unique(np.r_[np.arange(12) * DT, np.arange(12) * DT + delay])
     edges = edges[edges <= 11 * DT + 1e-12]
     x, states = np.zeros(2), {0: np.zeros(2)}
-    for begin, end in zip(edges, edges[1:]):
+    for begin, end in pairwise(edges):
         index = int(np.floor((0.5 * (begin + end) - delay) / DT))
         u = INPUTS[index] if index >= 0 else np.zeros(2)
         found = solve_ivp(

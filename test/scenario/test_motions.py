@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motions of scenarios: which are followed, which are refused, and with what gains."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from kalman_ros.control.limiter import Limits
 from kalman_ros.core import DesignError
 from kalman_ros.scenario import build
-from kalman_ros.scenario.motions import motion_of, moving_point
+from kalman_ros.scenario.motions import _swerving, motion_of, moving_point
 from kalman_ros.scenario.reference_motions import Beginning, _begun, along_path, in_time
 from kalman_ros.scenario.regulator import feedback, limits, steered
 
@@ -277,3 +279,15 @@ def test_a_motion_that_begins_elsewhere_joins_smoothly():
     np.testing.assert_allclose(speed[999:1001], 0.0, atol=1e-4)
     np.testing.assert_allclose(acceleration[996], 0.0, atol=0.1)
     np.testing.assert_array_equal(moved[1000:], before[1000:])
+
+
+def test_a_search_that_swerves_begins_and_ends_as_the_straight_one():
+    """Its middle is to one side, and the coordinates leave in turns to either side."""
+    scenario = robot()
+    guess = np.tile(np.arange(5.0) - 2.0, (21, 1))
+    reference = replace(along_path(scenario, LINE, 0.5, 0.5), guess=guess)
+    for amount in (0.3, -0.3):
+        found = _swerving(scenario, reference, amount).guess - guess
+        np.testing.assert_allclose(found[[0, -1]], 0.0, atol=1e-12)
+        np.testing.assert_allclose(found[10], amount * np.array([1.0, -1.0, 1.0, -1.0, 1.0]))
+        np.testing.assert_allclose(found, found[::-1], atol=1e-12)
