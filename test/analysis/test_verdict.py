@@ -66,11 +66,14 @@ def test_the_checks_together_fail_with_one_probability(name):
     for state in built.model.state.names:
         check = found[f'largest error of {state} / std']
         assert check.high == pytest.approx(norm.isf(share / (2 * N)), rel=1e-9)
+        assert check.low == 0.0
     for sensor, source in sensors.items():
         k = source.sensor.output.size
         degrees = k * len(run.innovations[sensor].nis)
         check = found[f'NIS of {sensor} / {k}']
         wanted = chi2.ppf([share / 2, 1 - share / 2], degrees) / degrees
         assert (check.low, check.high) == pytest.approx(wanted, rel=1e-6)
+        assert check.expected == 1.0
+    assert found[f'NEES / {states}'].expected == 1.0
     assert found[f'NEES / {states}'] == nees_check(built, run, share)
     assert found[f'NEES / {states}'] != nees_check(built, run, 2 * share)
