@@ -235,7 +235,8 @@ def test_a_profile_of_a_normal_distribution_is_its_parabola():
 
     def values(points):
         off = np.array(points) - top.z
-        return top.value - 0.5 * np.einsum('ki,ij,kj->k', off, information, off)
+        skew = off[:, 0] ** 3  # without which both sides are the same
+        return top.value - 0.5 * np.einsum('ki,ij,kj->k', off, information, off) + skew
 
     def fitted(*flags):
         return SimpleNamespace(
@@ -249,8 +250,9 @@ def test_a_profile_of_a_normal_distribution_is_its_parabola():
     assert (first.name, first.unit, second.name) == ('a', 'm', 'b')
     np.testing.assert_allclose(first.value, 2.0 * (0.5 + 0.2 * offsets))
     np.testing.assert_allclose(second.value, 1.0 + 0.3 * offsets)
-    for profile in (first, second):
-        np.testing.assert_allclose(profile.drop, -0.5 * offsets**2, atol=1e-9)
+    for profile, along in ((first, 0.2), (second, 0.03 / 0.3)):  # the change of a by a deviation
+        expected = -0.5 * offsets**2 + (along * offsets) ** 3
+        np.testing.assert_allclose(profile.drop, expected, atol=1e-9)
         np.testing.assert_allclose(profile.expected, -0.5 * offsets**2)
     (only,) = profiles(likelihood, fitted(False, True))
     np.testing.assert_allclose(only.drop, second.drop)

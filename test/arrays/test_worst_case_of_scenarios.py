@@ -12,6 +12,7 @@ from thorough import thorough
 import kalman_ros as kr
 from kalman_ros.analysis.worst_case import PlantLoops, named_plants
 from kalman_ros.arrays.scenarios import BELIEVED, values_of
+from kalman_ros.arrays.worst_case import Worst, WorstCase
 from kalman_ros.control.margins import margins
 from kalman_ros.core import LinearSystem
 from kalman_ros.models.mass_spring_damper import mass_spring_damper
@@ -65,6 +66,28 @@ def test_believed_plant_has_the_cost_of_the_design() -> None:
     worst = kr.worst_case('mass_spring_damper', {'mass': (0.9, 1.1)})
     design = kr.design('mass_spring_damper').report.closed_loop
     assert worst.nominal_cost == pytest.approx(design.cost, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ('found', 'bound', 'times', 'stable', 'structured'),
+    [
+        (2.0, 3.0, (0.5, 4.0), True, (0.25, 2.0)),
+        (2.0, inf, (0.5, 4.0), False, (0.25, 2.0)),
+        (2.0, inf, (1.0, 4.0), True, (0.25, 1.0)),
+        (inf, inf, (0.0, 0.5), False, (2.0, inf)),
+        (inf, 3.0, (1.0, 2.0), False, (0.5, 1.0)),
+    ],
+)
+def test_loops_are_stable_if_a_bound_proves_it(
+    found: float,
+    bound: float,
+    times: tuple[float, float],
+    stable: bool,
+    structured: tuple[float, float],
+) -> None:
+    worst = WorstCase({}, 1.0, Worst(found, bound, {}), {}, {}, times, None, report=None)
+    assert worst.stable is stable
+    assert worst.structured_singular_value == structured
 
 
 def test_a_function_gives_what_names_give() -> None:
