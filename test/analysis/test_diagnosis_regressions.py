@@ -1,0 +1,442 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Findings that follow from regressions: inputs, units, places and axes of sensors, noise."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from examined import case, kinds, record, responding
+from scipy.linalg import block_diag
+
+from kalman_ros.analysis.diagnosis import (
+    inputs,
+    lever_arms,
+    mounting,
+    noise_levels,
+    units,
+    unrelated,
+)
+from kalman_ros.analysis.diagnosis.evidence import Evidence
+from kalman_ros.analysis.diagnosis.responses import Responses
+from kalman_ros.core import Space, rotations
+
+#: Steps as long as the inputs are apart.
+SLOW = {'rate': 20.0, 'velocity.rate': 20.0}
+INPUTS = np.array([-2.0, -1.0, -0.2, 0.0, 0.1, 1.0, 2.0, 3.0])
+
+
+def pushed(labels, size, std, **parameters):
+    return responding(labels, size, std, inputs=INPUTS, **parameters)
+
+
+def mended(finding):
+    return finding.mended().inputs.value[:, 0]
+
+
+@pytest.mark.parametrize(
+    ('size', 'gain', 'kind'),
+    [
+        (0.051, 100.0, 'input gain'),
+        (0.049, 100.0, None),
+        (-0.051, 100.0, 'input gain'),
+        (-1.29, 100.0, 'input gain'),
+        (-1.31, 100.0, 'input sign'),
+        (0.5, 30.1, 'input gain'),
+        (0.5, 29.9, None),
+    ],
+)
+def test_an_input_acts_as_commanded_within_five_percent(size, gain, kind):
+    findings = inputs._find_gains(pushed([('gain', 'f')], size, abs(size) / gain**0.5))
+    assert kinds(findings) == ([kind] if kind else [])
+    for finding in findings:
+        np.testing.assert_allclose(mended(finding), (1.0 + size) * INPUTS)
+        assert finding.gain == pytest.approx(finding.z**2) == pytest.approx(gain)
+        assert finding.subject == 'f'
+
+
+@pytest.mark.parametrize(
+    ('half', 'gain', 'found'),
+    [(0.051, 100.0, True), (0.049, 100.0, False), (0.5, 30.1, True), (0.5, 29.9, False)],
+)
+def test_an_input_acts_alike_in_both_directions(half, gain, found):
+    labels = [('gain', 'f'), ('half', 'f')]
+    findings = inputs._find_asymmetries(pushed(labels, [0.0, half], [1.0, half / gain**0.5]))
+    assert kinds(findings) == (['asymmetric gain'] if found else [])
+    for finding in findings:
+        expected = np.where(INPUTS > 0.0, (1.0 + half) * INPUTS, INPUTS)
+        np.testing.assert_allclose(mended(finding), expected)
+        assert (finding.gain, finding.parameters) == (pytest.approx(gain), 2)
+
+
+@pytest.mark.parametrize(
+    ('weight', 'gain', 'found'),
+    [(0.4, 30.1, True), (0.4, 29.9, False), (-0.4, 100.0, False), (1.5, 100.0, True)],
+)
+def test_the_delay_of_an_input_is_the_lag_that_explains_most(weight, gain, found):
+    labels = [('lag', 'f', '1'), ('lag', 'f', '2')]
+    size, std = [0.1, weight], [0.1, abs(weight) / gain**0.5]
+    findings = inputs._find_delay(pushed(labels, size, std, **SLOW), 'f', 0)
+    assert kinds(findings) == (['input delay'] if found else [])
+    for finding in findings:
+        assert f'acts {weight * 2 * 0.05:.3g} s after its command' in finding.sentence
+        earlier = np.r_[[INPUTS[0]] * 2, INPUTS[:-2]]
+        share = min(weight, 1.0)
+        np.testing.assert_allclose(mended(finding), INPUTS + share * (earlier - INPUTS))
+
+
+@pytest.mark.parametrize(
+    ('share', 'gain', 'found'),
+    [
+        (0.31, 100.0, True),
+        (0.29, 100.0, False),
+        (1.49, 100.0, True),
+        (1.51, 100.0, False),
+        (1.0, 30.1, True),
+        (1.0, 29.9, False),
+    ],
+)
+def test_the_dead_zone_of_an_input_is_near_one_that_was_tried(share, gain, found):
+    labels = [('dead', 'f', '0.1'), ('dead', 'f', '0.5')]
+    findings = inputs._find_dead_zones(pushed(labels, [0.1, share], [0.1, share / gain**0.5]))
+    assert kinds(findings) == (['dead zone'] if found else [])
+    for finding in findings:
+        zone = 0.5 * share
+        outside = np.sign(INPUTS) * np.maximum(np.abs(INPUTS) - zone, 0.0)
+        np.testing.assert_allclose(mended(finding), outside, atol=1e-12)
+        assert f'the first {zone:.3g} of f' in finding.sentence
+
+
+@pytest.mark.parametrize(('gain', 'found'), [(50.1, True), (49.9, False)])
+def test_a_tone_explains_twenty_more_than_chance(gain, found):
+    """For its frequency is the best of many."""
+    labels = [('tone', 'f', '2.0')] * 2
+    size = np.array([0.3, 0.4])
+    case_ = pushed(labels, size, np.full(2, 0.5 / gain**0.5), **SLOW)
+    findings = inputs._find_tones(case_)
+    assert kinds(findings) == (['disturbance'] if found else [])
+    for finding in findings:
+        assert 'a sine adds 0.5 at 2 Hz to f' in finding.sentence
+        phase = 4.0 * np.pi * (case_.evidence.inputs.stamp + 0.025)
+        added = 0.3 * np.sin(phase) + 0.4 * np.cos(phase)
+        np.testing.assert_allclose(mended(finding), INPUTS + added, atol=1e-9)
+
+
+BOTH = [('mix', 'position', '0', '0'), ('read', 'position', '0', '0')]
+
+
+def scaled(size, gain, square=1.0, readings=None):
+    """Return an examination in which the readings are too large by a share."""
+    readings = record(np.arange(7.0)) if readings is None else readings
+    found = case(readings, np.full(len(readings), square))
+    information = gain / size**2 * np.eye(2)
+    found.responses = Responses(BOTH, information @ np.full(2, size), information)
+    return found
+
+
+@pytest.mark.parametrize(
+    ('size', 'gain', 'square', 'found'),
+    [
+        (0.0031, 100.0, 1.0, True),
+        (0.0029, 100.0, 1.0, False),
+        (-0.0031, 100.0, 1.0, True),
+        (0.1, 30.1, 1.0, True),
+        (0.1, 29.9, 1.0, False),
+        # where innovations are larger than expected, chance is, too
+        (0.1, 60.1, 2.0, True),
+        (0.1, 59.9, 2.0, False),
+        (0.1, 30.1, 0.1, True),
+    ],
+)
+def test_a_scale_differs_by_more_than_three_in_a_thousand(size, gain, square, found):
+    findings = units.find(scaled(size, gain, square))
+    assert kinds(findings) == (['scale'] if found else [])
+    for finding in findings:
+        value = np.arange(7.0)[:, np.newaxis]
+        corrected = finding.mended().sensors['position'].value
+        np.testing.assert_allclose(corrected, (1.0 - size) * value)
+        assert finding.change['position.C'][0] == pytest.approx(1.0 / (1.0 - size), rel=1e-5)
+        assert finding.dues == pytest.approx(-14.0 * np.log(1.0 - size))
+
+
+def test_a_factor_that_is_next_to_nothing_is_positive():
+    findings = units.find(scaled(1.0, 1e4, readings=record(np.arange(7.0))))
+    assert kinds(findings) == ['unit']
+    assert 'multiplied by 0.01: ' in findings[0].sentence
+
+
+@pytest.mark.parametrize(
+    ('factor', 'std', 'kind', 'exact'),
+    [
+        (0.3048 * np.exp(0.049), 0.0, 'unit', True),
+        (0.3048 * np.exp(0.051), 0.0, 'scale', False),
+        (0.3048 * np.exp(-0.049), 0.0, 'unit', True),
+        (0.3, 0.3 * 0.02, 'unit', True),
+        (0.3048 * np.exp(0.2), 0.1, 'unit', True),
+        (0.3048 * np.exp(0.26), 0.3, 'scale', False),
+        (-1.34, 0.0, 'sign', True),
+        (-0.66, 0.0, 'sign', True),
+        (-1.36, 0.0, 'sign', False),
+        (-1.39, 0.1, 'sign', True),
+        (-1.41, 0.1, 'sign', False),
+    ],
+)
+def test_a_factor_is_that_of_a_unit_or_a_sign_nearby(factor, std, kind, exact):
+    found = units._classify_factor(factor, std, {0.3048: 'feet', 1e3: 'thousands'})
+    nearest = (0.3048 if factor > 0.0 else -1.0) if exact else factor
+    assert found[:2] == (kind, nearest)
+    assert ('feet' in found[2]) is (kind == 'unit')
+
+
+@pytest.mark.parametrize(
+    ('upper', 'gain', 'share', 'found'),
+    [
+        (0.031, 100.0, 1.0, True),
+        (0.029, 100.0, 1.0, False),
+        (-0.031, 100.0, 1.0, True),
+        (0.3, 30.1, 1.0, True),
+        (0.3, 29.9, 1.0, False),
+        (1.01, 100.0, 1.0, False),  # no scale is negative
+        (0.1, 100.0, 0.34, True),  # of the squares, a tenth is below zero
+        (0.1, 100.0, 0.33, False),
+    ],
+)
+def test_scales_above_and_below_zero_differ_by_three_percent(upper, gain, share, found):
+    labels = [('mix', 'position', '0', '0'), ('upper', 'position', '0')]
+    value = np.resize([1.0, -share], 20)
+    case_ = responding(
+        labels, [0.0, upper], [1.0, abs(upper) / gain**0.5],
+        record(np.arange(20.0), value=value),
+    )  # fmt: skip
+    findings = units._asymmetries(case_, 'position')
+    assert kinds(findings) == (['asymmetric scale'] if found else [])
+    for finding in findings:
+        corrected = finding.mended().sensors['position'].value[:, 0]
+        np.testing.assert_allclose(corrected, np.where(value > 0.0, 1.0 - upper, 1.0) * value)
+
+
+@pytest.mark.parametrize(
+    ('size', 'gain', 'found'),
+    [(0.021, 100.0, True), (0.019, 100.0, False), (-0.2, 30.1, True), (0.2, 29.9, False)],
+)
+def test_a_lever_arm_is_two_centimetres_or_more(monkeypatch, size, gain, found):
+    monkeypatch.setattr(Evidence, 'adopting', lambda self, change: self)
+    labels, std = [('arm', 'position')] * 3, abs(size) / gain**0.5
+    before = {'position.mount.translation': [0.1, 0.0, 0.3]}
+    case_ = responding(labels, [0.0, size, 0.0], [std] * 3)
+    found_ = SimpleNamespace(**vars(case_))
+    found_.evidence = Evidence(
+        {**case_.evidence.parameters, **before}, *(vars(case_.evidence)[name] for name in
+        ('scenario', 'sensors', 'inputs', 'beliefs', 'rerun')),
+    )  # fmt: skip
+    findings = lever_arms.find(found_)
+    assert kinds(findings) == (['lever arm'] if found else [])
+    for finding in findings:
+        (arm,) = finding.change.values()
+        assert arm == pytest.approx([0.1, size, 0.3], rel=1e-2)
+        assert finding.parameters == 3
+        for more, again in ((1.9, False), (2.1, True)):
+            after = responding(labels, [0.0, 0.0, more * std], [std] * 3)
+            assert (finding.again(after) is not None) is again
+
+
+def test_no_lever_arm_is_found_where_none_is_allowed(monkeypatch):
+    def refuse(self, change):
+        raise ValueError('mount.translation')
+
+    monkeypatch.setattr(Evidence, 'adopting', refuse)
+    assert lever_arms.find(responding([('arm', 'position')], [1.0], [0.01])) == []
+
+
+def vector(M, weight, k):
+    """Return an examination of a vector whose readings fit as M y."""
+    space = Space(tuple('xyz'[:k]), ('m',) * k)
+    labels = [(kind, 's', str(i), str(j)) for kind in ('read', 'mix')
+              for i in range(k) for j in range(k)]  # fmt: skip
+    size = (np.eye(k) - M).ravel()
+    information = block_diag(weight * np.eye(k * k), weight * np.eye(k * k))
+    sensor = SimpleNamespace(output=space)
+    source = SimpleNamespace(sensor=sensor, signal=SimpleNamespace(fields=tuple('abc'[:k])))
+    return SimpleNamespace(
+        responses=Responses(labels, information @ np.r_[size, size], information),
+        evidence=SimpleNamespace(
+            scenario=SimpleNamespace(sensors={'s': source}), sensors={'s': record(np.arange(3.0))},
+            parameters={},
+        ),
+        passage=SimpleNamespace(of=lambda name: np.arange(3), misfit=500.0), judged=['s'],
+    )  # fmt: skip
+
+
+def plane(angle):
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+def test_the_best_rotation_is_that_of_the_readings():
+    for angle in (0.5, -2.0, 3.1):
+        turn = mounting.best_rotation(vector(plane(angle), 100.0, 2), 's', (0, 1))
+        assert mounting._rotation_angle(turn) == pytest.approx(angle, abs=np.pi / 720)
+    turn = np.array([0.3, -0.5, 0.2])
+    found = mounting.best_rotation(vector(rotations.exp(turn), 100.0, 3), 's', (0, 1, 2))
+    np.testing.assert_allclose(rotations.log(found), turn, atol=1e-4)
+    assert mounting._rotation_angle(found) == pytest.approx(np.linalg.norm(turn), abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ('angle', 'weight', 'found'),
+    [(0.035, 1e6, True), (0.026, 1e6, False), (0.4, 120.0, True), (0.4, 80.0, False)],
+)
+def test_a_rotation_is_large_and_beyond_chance(monkeypatch, angle, weight, found):
+    monkeypatch.setattr(mounting, 'turned', lambda *given: given)
+    findings = mounting._find_rotation(vector(plane(angle), weight, 2), 's', (0, 1))
+    # half a gain is the distance of the matrices, squared
+    gain = weight * np.sum((np.eye(2) - plane(angle)) ** 2)
+    assert bool(findings) is found is bool(gain > 30.0 and angle > 0.03)
+    for *_, explained, sentence in findings:
+        assert explained == pytest.approx(gain, rel=1e-2)
+        assert sentence == f'Misfit 500 becomes {500.0 - explained:.4g}.'
+
+
+@pytest.mark.parametrize(('weight', 'found'), [(7.6, True), (7.4, False)])
+def test_axes_are_swapped_if_that_explains_more_than_chance(monkeypatch, weight, found):
+    monkeypatch.setattr(mounting, 'exchanged', lambda case, name, order, gain: (order, gain))
+    swap = np.eye(3)[[0, 2, 1]]
+    findings = mounting._find_swap(vector(swap, weight, 3), 's', 3)
+    assert findings == ([((0, 2, 1), pytest.approx(4.0 * weight))] if found else [])
+
+
+def test_the_nearest_rotation_has_no_scale_and_no_mirror():
+    R = rotations.exp(np.array([0.3, -0.5, 0.2]))
+    np.testing.assert_allclose(mounting.nearest_rotation(3.0 * R), R, atol=1e-12)
+    found = mounting.nearest_rotation(np.diag([1.0, 1.0, -0.1]))
+    np.testing.assert_allclose(found, np.eye(3), atol=1e-12)
+    skew = R @ np.diag([1.0, 1.1, 1.2]) @ rotations.exp(np.array([0.0, 0.1, 0.0]))
+    found = mounting.nearest_rotation(skew)
+    for axis in np.eye(3):
+        for small in (1e-3, -1e-3):
+            other = rotations.exp(small * axis) @ found
+            assert np.linalg.norm(found - skew) < np.linalg.norm(other - skew)
+
+
+def test_vectors_have_two_or_three_axes_of_one_unit():
+    space = Space(('a', 'b', 'c', 'd', 'e'), ('m', 'm/s', 'm', 'm/s', 'm/s'))
+    assert mounting.vectors(space) == [(0, 2), (1, 3, 4)]
+    assert mounting.vectors(Space(tuple('abcd'), ('m',) * 4)) == []
+    assert units.groups(space)[:5] == [(0,), (1,), (2,), (3,), (4,)]
+    turn = Space(('r', 'p', 'y'), ('rad',) * 3, rotations=(('r', 'p', 'y'),))
+    assert mounting.vectors(turn) == []
+
+
+def noisy(best, weight, labels=(('position', '0'),), score=100.0):
+    """Return an examination whose likelihood is a parabola of the logarithms of variances."""
+    p = len(labels)
+    found = case(record(0.1 * np.arange(9)))
+    found.scores = SimpleNamespace(
+        labels=list(labels), gradient=np.full(p, score), information=np.eye(p)
+    )
+    found.densities = {}
+
+    def misfits(passage, labels, candidates, densities):
+        return 700.0 + weight * np.sum((candidates - best) ** 2 - best**2, axis=1)
+
+    return found, misfits
+
+
+@pytest.mark.parametrize(
+    ('best', 'weight', 'score', 'found'),
+    [
+        (2.5, 100.0, 5.1, True),
+        (2.5, 100.0, -5.1, True),
+        (2.5, 100.0, 4.9, False),
+        (0.5, 121.0, 100.0, True),
+        (0.5, 119.0, 100.0, False),
+        (-4.0, 100.0, 100.0, True),
+        # by less than a fifth
+        (0.35, 1e4, 100.0, False),
+    ],
+)
+def test_noise_is_wrong_by_a_fifth_and_beyond_chance(monkeypatch, best, weight, score, found):
+    case_, misfits = noisy(best, weight, score=score)
+    monkeypatch.setattr(noise_levels, 'misfits', misfits)
+    findings = noise_levels.find(case_)
+    way = 'small' if best > 0.0 else 'large'
+    assert kinds(findings) == ([f'noise too {way}'] if found else [])
+    for finding in findings:
+        std = 0.05 * np.exp(0.5 * best)
+        assert finding.change == {'position.noise': [pytest.approx(std, rel=1e-2)]}
+        assert finding.gain == pytest.approx(weight * best**2)
+        R = finding.mended().sensors['position'].covariance
+        np.testing.assert_allclose(R, np.full((9, 1, 1), std**2))
+        size, spread = np.exp(0.5 * abs(best)), 1.0 / weight**0.5
+        low, high = size * np.exp(-spread), size * np.exp(spread)
+        assert f'factor of {size:.3g} ({low:.3g} to {high:.3g}, 95 %)' in finding.sentence
+        _, upper, lower = finding.figure.curves
+        np.testing.assert_array_equal(upper.y, 2.0 * np.ones(9))
+        np.testing.assert_array_equal(lower.y, -upper.y)
+
+
+def test_variances_are_tried_alone_and_all_of_a_sensor_together():
+    labels = [('a', '0'), ('a', '1'), ('b', '0'), ('force_noise',)]
+    assert noise_levels._groups(labels) == [(0,), (1,), (2,), (3,), (0, 1)]
+
+
+def test_four_variances_are_tried_in_a_round(monkeypatch):
+    labels = [('position', str(i)) for i in range(6)]
+    case_, _ = noisy(0.0, 1.0, labels)
+    case_.scores.gradient = np.array([9.0, 50.0, -30.0, 8.0, 7.0, 40.0])
+    case_.scores.information = np.diag(np.full(6, 1.0))
+    monkeypatch.setattr(noise_levels, '_groups', lambda labels: [(i,) for i in range(6)])
+    tried = []
+    monkeypatch.setattr(
+        noise_levels, '_search_factors', lambda _, groups: tried.extend(groups) or []
+    )
+    noise_levels.find(case_)
+    assert tried == [(1,), (5,), (2,), (0,)]
+
+
+@pytest.mark.parametrize(
+    ('shift', 'largest'), [(18, True), (-18, True), (22, False), (-22, False), (0, True)]
+)
+def test_readings_are_compared_within_a_second(shift, largest):
+    noise = np.random.default_rng(0).normal(size=600)
+    readings = record(0.05 * np.arange(400))
+    signals = np.column_stack((noise[100 + shift : 500 + shift], noise[:400]))
+    found = unrelated._largest_correlation(readings, -noise[100:500], signals)
+    assert (found > 0.9) is largest
+    assert unrelated._largest_correlation(readings, np.ones(400), signals) == 0.0
+
+
+@pytest.mark.parametrize('slope', [0.5, -0.5, 1.0])
+def test_the_slope_of_readings_is_as_far_below_one_as_its_deviation_says(slope):
+    rng, N = np.random.default_rng(1), 4000
+    expected = rng.normal(size=N)
+    y = 3.0 + slope * expected + 0.2 * rng.normal(size=N)
+    found = unrelated._slope_deviation(y, expected)
+    assert found == pytest.approx((1.0 - abs(slope)) / (0.2 / N**0.5), rel=0.03, abs=3.0)
+    assert unrelated._slope_deviation(y, np.ones(N)) == 0.0
+
+
+def test_the_deviation_of_a_slope_counts_that_residuals_persist():
+    rng = np.random.default_rng(2)
+    found = []
+    for _ in range(150):
+        walk, noise = np.zeros((2, 400))
+        steps = rng.normal(size=(2, 400))
+        for k in range(1, 400):
+            walk[k], noise[k] = 0.95 * walk[k - 1] + steps[0, k], 0.9 * noise[k - 1] + steps[1, k]
+        found.append(unrelated._slope_deviation(walk + noise, walk))
+    assert 0.85 < np.std(found) < 1.2  # five without
+
+
+def test_readings_without_a_model_follow_the_ones_before():
+    rng = np.random.default_rng(3)
+    y = np.zeros((500, 2))
+    for k in range(1, 500):
+        y[k] = [0.9, -0.5] * y[k - 1] + [1.0, 2.0] + [0.3, 0.1] * rng.normal(size=2)
+    expected = 500 * sum(np.log(2.0 * np.pi * s**2) + 1.0 for s in (0.3, 0.1))
+    assert unrelated._misfit_without_model(y) == pytest.approx(expected, rel=0.05)
+    assert np.isfinite(unrelated._misfit_without_model(np.ones((9, 1))))
+
+
+def test_angles_are_compared_by_their_sines():
+    space = Space(('x', 'yaw'), ('m', 'rad'), angles=('yaw',))
+    found = unrelated._linear_values(space, np.array([[2.0, 0.5 * np.pi], [7.0, np.pi]]))
+    np.testing.assert_allclose(found, [[2.0, 1.0], [7.0, 0.0]], atol=1e-12)
