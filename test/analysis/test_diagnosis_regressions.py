@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from examined import case, kinds, record, responding
 from scipy.linalg import block_diag
+from scipy.stats import chi2
 
 from kalman_ros.analysis.diagnosis import (
     inputs,
@@ -66,6 +67,7 @@ def test_an_input_acts_alike_in_both_directions(half, gain, found):
         expected = np.where(INPUTS > 0.0, (1.0 + half) * INPUTS, INPUTS)
         np.testing.assert_allclose(mended(finding), expected)
         assert (finding.gain, finding.parameters) == (pytest.approx(gain), 2)
+        assert finding.z == pytest.approx(gain**0.5)
 
 
 @pytest.mark.parametrize(
@@ -78,6 +80,7 @@ def test_the_delay_of_an_input_is_the_lag_that_explains_most(weight, gain, found
     findings = inputs._find_delay(pushed(labels, size, std, **SLOW), 'f', 0)
     assert kinds(findings) == (['input delay'] if found else [])
     for finding in findings:
+        assert finding.gain == pytest.approx(finding.z**2) == pytest.approx(gain)
         assert f'acts {weight * 2 * 0.05:.3g} s after its command' in finding.sentence
         earlier = np.r_[[INPUTS[0]] * 2, INPUTS[:-2]]
         share = min(weight, 1.0)
@@ -100,6 +103,7 @@ def test_the_dead_zone_of_an_input_is_near_one_that_was_tried(share, gain, found
     findings = inputs._find_dead_zones(pushed(labels, [0.1, share], [0.1, share / gain**0.5]))
     assert kinds(findings) == (['dead zone'] if found else [])
     for finding in findings:
+        assert finding.gain == pytest.approx(finding.z**2) == pytest.approx(gain)
         zone = 0.5 * share
         outside = np.sign(INPUTS) * np.maximum(np.abs(INPUTS) - zone, 0.0)
         np.testing.assert_allclose(mended(finding), outside, atol=1e-12)
@@ -115,6 +119,7 @@ def test_a_tone_explains_twenty_more_than_chance(gain, found):
     findings = inputs._find_tones(case_)
     assert kinds(findings) == (['disturbance'] if found else [])
     for finding in findings:
+        assert finding.gain == pytest.approx(finding.z**2) == pytest.approx(gain)
         assert 'a sine adds 0.5 at 2 Hz to f' in finding.sentence
         phase = 4.0 * np.pi * (case_.evidence.inputs.stamp + 0.025)
         added = 0.3 * np.sin(phase) + 0.4 * np.cos(phase)
@@ -156,6 +161,12 @@ def test_a_scale_differs_by_more_than_three_in_a_thousand(size, gain, square, fo
         np.testing.assert_allclose(corrected, (1.0 - size) * value)
         assert finding.change['position.C'][0] == pytest.approx(1.0 / (1.0 - size), rel=1e-5)
         assert finding.dues == pytest.approx(-14.0 * np.log(1.0 - size))
+        std = abs(size) / gain**0.5
+        for more, again in ((1.9 * std, False), (2.1 * std, True)):
+            after = finding.again(scaled(more, (more / std) ** 2))
+            assert (after is not None) is again
+        corrected = after.mended().sensors['position'].value
+        np.testing.assert_allclose(corrected, (1.0 - size) * (1.0 - more) * value)
 
 
 def test_a_factor_that_is_next_to_nothing_is_positive():
@@ -212,6 +223,7 @@ def test_scales_above_and_below_zero_differ_by_three_percent(upper, gain, share,
     for finding in findings:
         corrected = finding.mended().sensors['position'].value[:, 0]
         np.testing.assert_allclose(corrected, np.where(value > 0.0, 1.0 - upper, 1.0) * value)
+        assert finding.gain == pytest.approx(finding.z**2) == pytest.approx(gain)
 
 
 @pytest.mark.parametrize(
@@ -231,12 +243,21 @@ def test_a_lever_arm_is_two_centimetres_or_more(monkeypatch, size, gain, found):
     findings = lever_arms.find(found_)
     assert kinds(findings) == (['lever arm'] if found else [])
     for finding in findings:
+        assert finding.gain == pytest.approx(finding.z**2) == pytest.approx(gain)
         (arm,) = finding.change.values()
         assert arm == pytest.approx([0.1, size, 0.3], rel=1e-2)
         assert finding.parameters == 3
         for more, again in ((1.9, False), (2.1, True)):
             after = responding(labels, [0.0, 0.0, more * std], [std] * 3)
             assert (finding.again(after) is not None) is again
+
+
+def test_a_lever_arm_is_from_the_centre_where_none_is_declared(monkeypatch):
+    monkeypatch.setattr(Evidence, 'adopting', lambda self, change: self)
+    (finding,) = lever_arms.find(
+        responding([('arm', 'position')] * 3, [0.1, 0.2, 0.3], [0.01] * 3)
+    )
+    assert finding.change == {'position.mount.translation': arm}
 
 
 def test_no_lever_arm_is_found_where_none_is_allowed(monkeypatch):
@@ -362,7 +383,7 @@ def test_noise_is_wrong_by_a_fifth_and_beyond_chance(monkeypatch, best, weight, 
     for finding in findings:
         std = 0.05 * np.exp(0.5 * best)
         assert finding.change == {'position.noise': [pytest.approx(std, rel=1e-2)]}
-        assert finding.gain == pytest.approx(weight * best**2)
+        assert finding.gain == pytest.approx(finding.z**2) == pytest.approx(weight * best**2)
         R = finding.mended().sensors['position'].covariance
         np.testing.assert_allclose(R, np.full((9, 1, 1), std**2))
         size, spread = np.exp(0.5 * abs(best)), 1.0 / weight**0.5
@@ -424,6 +445,39 @@ def test_the_deviation_of_a_slope_counts_that_residuals_persist():
             walk[k], noise[k] = 0.95 * walk[k - 1] + steps[0, k], 0.9 * noise[k - 1] + steps[1, k]
         found.append(unrelated._slope_deviation(walk + noise, walk))
     assert 0.85 < np.std(found) < 1.2  # five without
+
+
+@pytest.mark.parametrize(
+    ('square', 'largest', 'z', 'found'),
+    [
+        (4.1, 0.54, 4.1, True),
+        (3.9, 0.54, 4.1, False),
+        (4.1, 0.56, 4.1, False),
+        (4.1, 0.54, 3.9, False),
+    ],
+)
+def test_a_sensor_is_unrelated_that_surprises_and_follows_nothing(
+    monkeypatch, square, largest, z, found
+):
+    readings = record(0.1 * np.arange(9))
+    case_ = case(readings, np.full(9, square * chi2.median(1)))
+    for event in case_.passage.events:
+        event.log = 0.0
+    others = SimpleNamespace(without=None, evidence=case_.evidence)
+    curve = np.zeros((9, 1))
+    comparison = unrelated._Comparison(readings.stamp, curve, curve, largest, z)
+    monkeypatch.setattr(unrelated, 'left_out', lambda case, name: others)
+    monkeypatch.setattr(unrelated, '_compare', lambda *_: comparison)
+    monkeypatch.setattr(unrelated, 'explained', lambda *_: 70.0)
+    case_.judged = ['position', 'position']
+    findings = unrelated.find(case_)
+    assert kinds(findings) == (['unrelated'] * 2 if found else [])
+    for finding in findings:
+        assert finding.change == {'position.enabled': False}
+        assert finding.gain == pytest.approx(70.0 - finding.dues)
+        assert finding.z == z
+    case_.judged = ['position']  # nothing predicts the only sensor
+    assert unrelated.find(case_) == []
 
 
 def test_readings_without_a_model_follow_the_ones_before():
