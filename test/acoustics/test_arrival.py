@@ -155,6 +155,39 @@ def test_a_hum_is_enough():
     assert low < np.mean(errors**2 / variances) < high
 
 
+def test_the_evidence_is_that_of_the_formula():
+    """For one band, integrated over bearings and over ratios of -10 to 59 dB, by brute force.
+
+    A frame that fades in and out has fewer independent frequencies than it has frequencies.
+    """
+    band = (1000.0, 1330.0)
+    finder = DirectionFinder(ARRAY, RATE, SAMPLES, band)
+    frame = np.random.default_rng(7).normal(size=(6, SAMPLES))
+    frame += 0.5 * np.roll(frame[:1], 3)
+    place = (np.arange(SAMPLES) + 0.5) / SAMPLES
+    taper = np.sin(0.5 * np.pi * np.clip(np.minimum(place, 1.0 - place) / 0.1, 0.0, 1.0)) ** 2
+    frequencies = np.fft.rfftfreq(SAMPLES, 1.0 / RATE)
+    inside = (band[0] <= frequencies) & (frequencies <= band[1])
+    assert 32 <= inside.sum() < 64
+    X = np.fft.rfft(taper * frame)[:, inside]
+    bearings = 2.0 * np.pi * np.arange(720) / 720
+    units = np.stack((np.cos(bearings), np.sin(bearings)), axis=-1)
+    lead = units @ ARRAY.positions.T / 343.0
+    phases = np.exp(2j * np.pi * frequencies[inside][:, np.newaxis, np.newaxis] * lead)
+    power = np.abs(np.einsum('kgm,mk->kg', phases.conj(), X)) ** 2
+    gamma = power.sum(axis=0) / (6.0 * np.sum(np.abs(X) ** 2))
+    K = inside.sum() * np.mean(taper**2) ** 2 / np.mean(taper**4)
+    psi = 10.0 ** (0.1 * np.arange(-10.0, 60.0, 3.0))[:, np.newaxis]
+    odds = (1.0 + psi) ** -K * (1.0 - gamma * psi / (1.0 + psi)) ** (-6.0 * K)
+    density = odds.mean(axis=0)
+    found = finder(frame)
+    assert found.evidence == pytest.approx(np.log(density.mean()), abs=1e-3)
+    mean = np.angle(density @ np.exp(1j * bearings))
+    assert difference(found.bearing, mean) == pytest.approx(0.0, abs=1e-3)
+    variance = density @ difference(bearings, mean) ** 2 / density.sum()
+    assert found.variance == pytest.approx(variance, rel=1e-3)
+
+
 def test_loudness_does_not_matter_but_silence_does():
     _, frame = next(frames(10.0))
     one, other = FINDER(frame), FINDER(1e-6 * frame)
@@ -175,6 +208,7 @@ def test_an_array_of_any_shape_will_do():
 @pytest.mark.parametrize(
     ('positions', 'says'),
     [
+        ([0.0, 0.0, 1.0, 0.0, 2.0, 1e-6], 'not all on one line'),
         ([0.0, 0.0, 1.0, 0.0], 'three or more, all finite, got 4 numbers'),
         ([0.0, 0.0, 1.0, 1.0, 2.0, 2.0], 'not all on one line'),
         ([0.0, 0.0, 1.0, np.nan, 2.0, 2.0], 'all finite'),
@@ -184,6 +218,13 @@ def test_an_array_of_any_shape_will_do():
 def test_microphones_that_cannot_tell_directions_are_refused(positions, says):
     with pytest.raises(ValueError, match=f'microphones: expected .*{says}'):
         MicrophoneArray(positions)
+
+
+def test_microphones_may_be_nearly_on_a_line():
+    array = MicrophoneArray([0.0, 0.0, 1.0, 0.0, 2.0, 1e-5])
+    assert array.size == 3
+    assert array.radius == pytest.approx(2.0)
+    np.testing.assert_array_equal(array.positions, [[0.0, 0.0], [1.0, 0.0], [2.0, 1e-5]])
 
 
 def test_a_band_without_frequencies_is_refused():

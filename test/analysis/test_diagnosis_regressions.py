@@ -254,9 +254,8 @@ def test_a_lever_arm_is_two_centimetres_or_more(monkeypatch, size, gain, found):
 
 def test_a_lever_arm_is_from_the_centre_where_none_is_declared(monkeypatch):
     monkeypatch.setattr(Evidence, 'adopting', lambda self, change: self)
-    (finding,) = lever_arms.find(
-        responding([('arm', 'position')] * 3, [0.1, 0.2, 0.3], [0.01] * 3)
-    )
+    labels, arm = [('arm', 'position')] * 3, [0.1, 0.2, 0.3]
+    (finding,) = lever_arms.find(responding(labels, arm, [0.01] * 3))
     assert finding.change == {'position.mount.translation': arm}
 
 
