@@ -10,10 +10,12 @@ from scipy.linalg import block_diag
 from scipy.stats import chi2
 
 from kalman_ros.analysis.diagnosis import (
+    bias,
     inputs,
     lever_arms,
     mounting,
     noise_levels,
+    outliers,
     units,
     unrelated,
 )
@@ -398,6 +400,19 @@ def test_variances_are_tried_alone_and_all_of_a_sensor_together():
     assert noise_levels._groups(labels) == [(0,), (1,), (2,), (3,), (0, 1)]
 
 
+@pytest.mark.parametrize('coarse', [-6.0, -4.0, -2.5, -1.2, -0.5, 0.5, 1.2, 2.5, 4.0, 6.0, 9.0])
+def test_the_factor_of_a_variance_is_found_in_coarse_and_in_fine_steps(monkeypatch, coarse):
+    fine = [-0.3, 0.0, 0.3] + {-4.0: [-0.6], 9.0: [0.6]}.get(coarse, [])
+    for best in coarse + np.array(fine):
+        case_, misfits = noisy(best, 100.0)
+        monkeypatch.setattr(noise_levels, 'misfits', misfits)
+        ((group, log, gain, spread),) = noise_levels._search_factors(case_, [(0,)])
+        assert group == (0,)
+        assert log == pytest.approx(best)
+        assert gain == pytest.approx(100.0 * best**2)
+        assert spread == pytest.approx(0.1)
+
+
 def test_four_variances_are_tried_in_a_round(monkeypatch):
     labels = [('position', str(i)) for i in range(6)]
     case_, _ = noisy(0.0, 1.0, labels)
@@ -410,6 +425,133 @@ def test_four_variances_are_tried_in_a_round(monkeypatch):
     )
     noise_levels.find(case_)
     assert tried == [(1,), (5,), (2,), (0,)]
+
+
+def pieces(values, std=1.0):
+    """Return the regression on an offset that has these values in the pieces of a recording."""
+    labels = [('offset', 's', '0', str(b)) for b in range(len(values))]
+    information = np.eye(len(values)) / std**2
+    return Responses(labels, information @ np.asarray(values), information)
+
+
+@pytest.mark.parametrize('kind', ['constant', 'ramp', 'step', 'walk'])
+def test_a_course_has_the_likelihood_of_its_kind(kind):
+    rng, B = np.random.default_rng(4), 12
+    t = np.arange(B)
+    values = {
+        'constant': 7.0 + 0.0 * t,
+        'ramp': 3.0 * (t + 0.5),
+        'step': 9.0 * (t >= 5),
+        'walk': 6.0 * np.cumsum(rng.normal(size=B)),
+    }[kind] + 0.1 * rng.normal(size=B)
+    found = pieces(values)
+    course = bias._best_course(found, range(B), kind, 10.0)
+    if kind == 'walk':
+        S = np.minimum.outer(t + 1.0, t + 1.0)
+
+        def likelihood(q):
+            total = np.eye(B) + q * S
+            return (
+                values @ values
+                - values @ np.linalg.solve(total, values)
+                - (np.linalg.slogdet(total)[1])
+            )
+
+        scale = B / np.trace(S)
+        intensities = scale * np.geomspace(1e-4, 1e4, 33)
+        best = max(intensities, key=likelihood)
+        assert course.gain == pytest.approx(likelihood(best) - 10.0)
+        path = best * S @ np.linalg.solve(np.eye(B) + best * S, values)
+        np.testing.assert_allclose(course.values, path)
+        gain = 2.0 * path @ values - path @ path
+        assert course.dues == pytest.approx(gain - likelihood(best))
+        return
+    shape = {'constant': 1.0 + 0.0 * t, 'ramp': t + 0.5, 'step': (t >= 5) * 1.0}[kind]
+    size = shape @ values / (shape @ shape)
+    np.testing.assert_allclose(course.values, size * shape)
+    more = 2.0 * np.log(12.0) if kind == 'step' else 0.0  # which begins at one of the pieces
+    assert course.gain == pytest.approx((shape @ values) ** 2 / (shape @ shape) - 10.0 - more)
+    assert (course.kind, course.began, course.dues) == (kind, 5 if kind == 'step' else 0, 0.0)
+
+
+@pytest.mark.parametrize(('gain', 'found'), [(40.1, True), (39.9, False)])
+def test_an_offset_explains_ten_more_than_chance(gain, found):
+    responses = pieces(np.full(4, (gain / 4.0) ** 0.5))
+    assert bool(bias.courses_of(responses, {0: range(4), 1: []})) is found
+
+
+def test_an_offset_is_described_by_its_size_its_rate_or_its_range():
+    limits = np.array([2.0, 4.0, 6.0, 8.0, 10.0])
+    fit = SimpleNamespace(std=np.array([0.25]))
+    values = np.array([1.0, 2.0, 3.0, 4.0])
+    for course, words in (
+        (bias.Course('constant', values, 1.0, fit), 'by +4 +- 0.2'),
+        (bias.Course('step', values, 1.0, fit, began=2), 'by +4 +- 0.2 from t = 4 s on'),
+        (bias.Course('ramp', values, 1.0), 'drifts by +0.5 a second'),
+        (bias.Course('walk', values, 1.0), 'wanders between +1 and +4'),
+    ):
+        assert bias._describe(course, limits) == words
+
+
+LIMIT = chi2.isf(1e-6, 1)
+
+
+@pytest.mark.parametrize(
+    ('events', 'far', 'times', 'usual', 'kind'),
+    [
+        (100, 3, 1.9, 0.3, 'outliers'),
+        (20, 3, 1.9, 0.3, 'outliers'),
+        (19, 3, 1.9, 0.3, None),
+        (100, 3, 0.99, 0.3, None),
+        (100, 25, 1.9, 0.3, 'disturbed'),
+        (100, 26, 1.9, 0.3, None),
+        (100, 8, 1.9, 0.3, 'disturbed'),
+        (100, 7, 1.9, 0.3, 'outliers'),
+        # where innovations are larger than expected, outliers are, too
+        (100, 3, 1.99, 2.0 * chi2.median(1), None),
+        (100, 3, 2.01, 2.0 * chi2.median(1), 'outliers'),
+        # one of them alone explains less than chance
+        (100, 1, 40.9 / LIMIT, 0.3, None),
+        (100, 1, 41.1 / LIMIT, 0.3, 'outliers'),
+    ],
+)
+def test_outliers_are_few_and_far(monkeypatch, events, far, times, usual, kind):
+    squares = np.full(events, usual)
+    rows = np.arange(2, 2 + far)
+    squares[rows] = times * LIMIT
+    case_ = case(record(0.1 * np.arange(events)), squares)
+    limits = []
+
+    def gated(evidence, name, limit):
+        limits.append(limit)
+        return np.flatnonzero(squares > limit), None
+
+    monkeypatch.setattr(outliers, 'gated', gated)
+    findings = outliers.find(case_)
+    assert kinds(findings) == ([kind] if kind else [])
+    for finding in findings:
+        assert limits == [pytest.approx(LIMIT * max(1.0, usual / chi2.median(1)))]
+        assert finding.change == {'position.gate': 0.9999}
+        assert finding.gain == pytest.approx(far * (times * LIMIT - 11.0))
+        assert finding.gain == pytest.approx(finding.z**2)
+        assert f'about {(times * LIMIT) ** 0.5:.2g} standard deviations off' in finding.sentence
+        assert (', in 1 stretch,' in finding.sentence) is (kind == 'disturbed')
+        gone = finding.mended().sensors['position'].value[:, 0]
+        assert np.flatnonzero(np.isnan(gone)).tolist() == rows.tolist()
+
+
+def test_a_gate_that_is_there_stays(monkeypatch):
+    squares = np.full(50, 0.3)
+    squares[[3, 4]] = 2.0 * LIMIT
+    monkeypatch.setattr(outliers, 'gated', lambda *_: (np.array([3, 4]), None))
+    case_ = case(record(0.1 * np.arange(50)), squares, **{'position.gate': 0.999})
+    (finding,) = outliers.find(case_)
+    assert finding.change == {}
+
+
+def test_the_runs_of_a_mask_are_counted():
+    for mask, runs in (([], 0), ([0, 0], 0), ([1], 1), ([1, 1, 0, 1], 2), ([0, 1, 0, 1, 0], 2)):
+        assert outliers.runs_of(np.array(mask, dtype=bool)) == runs
 
 
 @pytest.mark.parametrize(
