@@ -402,7 +402,7 @@ def test_variances_are_tried_alone_and_all_of_a_sensor_together():
 
 @pytest.mark.parametrize('coarse', [-6.0, -4.0, -2.5, -1.2, -0.5, 0.5, 1.2, 2.5, 4.0, 6.0, 9.0])
 def test_the_factor_of_a_variance_is_found_in_coarse_and_in_fine_steps(monkeypatch, coarse):
-    fine = [-0.3, 0.0, 0.3] + {-4.0: [-0.6], 9.0: [0.6]}.get(coarse, [])
+    fine = [-0.3, 0.0, 0.3, *{-4.0: [-0.6], 9.0: [0.6]}.get(coarse, [])]
     for best in coarse + np.array(fine):
         case_, misfits = noisy(best, 100.0)
         monkeypatch.setattr(noise_levels, 'misfits', misfits)
