@@ -11,6 +11,7 @@ from scipy.stats import chi2
 
 from kalman_ros.analysis.diagnosis import (
     bias,
+    gross,
     inputs,
     lever_arms,
     mounting,
@@ -22,6 +23,7 @@ from kalman_ros.analysis.diagnosis import (
 from kalman_ros.analysis.diagnosis.evidence import Evidence
 from kalman_ros.analysis.diagnosis.responses import Responses
 from kalman_ros.core import Space, rotations
+from kalman_ros.scenario import build
 
 #: Steps as long as the inputs are apart.
 SLOW = {'rate': 20.0, 'velocity.rate': 20.0}
@@ -198,6 +200,36 @@ def test_a_factor_is_that_of_a_unit_or_a_sign_nearby(factor, std, kind, exact):
     nearest = (0.3048 if factor > 0.0 else -1.0) if exact else factor
     assert found[:2] == (kind, nearest)
     assert ('feet' in found[2]) is (kind == 'unit')
+
+
+@pytest.mark.parametrize(
+    ('times', 'found'),
+    [
+        (0.3048 * np.exp(0.29), [0.3048]),
+        (0.3048 * np.exp(-0.29), [0.3048]),
+        (0.3048 * np.exp(0.31), []),
+        (0.3048 * np.exp(-0.31), []),
+        (1.2, []),  # which is near enough to what is expected
+        (-0.3048, []),
+        (1e3, [1e3]),
+    ],
+)
+def test_a_unit_is_suspected_by_the_size_of_the_readings(times, found):
+    value = np.array([1.0, np.nan, 1.0, 50.0, 1.0]) * 2.0 / times
+    case_ = case(record(np.arange(5.0), value=value), initial_estimate=[2.0, 0.0])
+    assert gross._by_size(case_, 'position', (0,), [0.3048, 1e3, 1.2]) == found
+
+
+@pytest.mark.parametrize(
+    ('model', 'square', 'lost'),
+    [('cart_pole', 2.01, True), ('cart_pole', 1.99, False), ('mass_spring_damper', 9.0, False)],
+)
+def test_a_filter_is_lost_if_no_linearisation_holds(model, square, lost):
+    found = SimpleNamespace(
+        passage=SimpleNamespace(whitened=[np.sqrt([0.5 * square, 1.5 * square])]),
+        evidence=SimpleNamespace(scenario=build({'model': model})),
+    )
+    assert gross.lost(found) is lost
 
 
 @pytest.mark.parametrize(
