@@ -239,9 +239,9 @@ def _guarded(
     try:
         return series(A, W, dt)
     except np.linalg.LinAlgError:
-        bad = np.asarray(~np.isfinite(A).all(axis=(-2, -1)))
+        bad = np.asarray(~np.isfinite(A).all(axis=(-2, -1)) | ~np.isfinite(W).all(axis=(-2, -1)))
         if not bad.any():
             raise
     members = bad[..., np.newaxis, np.newaxis]
-    values = series(np.where(members, 0.0, A), W, dt)
+    values = series(np.where(members, 0.0, A), np.where(members, 0.0, W), dt)
     return tuple(np.where(members, np.nan, value) for value in values)

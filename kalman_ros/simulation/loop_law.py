@@ -149,8 +149,8 @@ class Answer:
                 f'{dt:g} s, got one of ({", ".join(motion.space.names)}) in steps of '
                 f'{motion.dt:g} s'
             )
-        lacks = motion.differences is None and not model.is_linear
-        return with_law(self._scenario, motion) if lacks and self._predicts else motion
+        lacks = motion.differences is None and self._predicts
+        return with_law(self._scenario, motion) if lacks else motion
 
     @cached_property
     def _equilibria(self) -> FeedForward:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.linalg import block_diag, expm, solve_discrete_are
+from thorough import mostly_thorough
 
 from kalman_ros import scenario
 from kalman_ros.analysis.bounds import posterior_cramer_rao
@@ -225,7 +226,7 @@ def test_the_margins_of_the_cart_pole_are_where_its_real_loop_ends():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('share', [2, 5])
+@pytest.mark.parametrize('share', mostly_thorough([2, 5], 5))
 def test_lqg_margins_of_a_slow_sensor_are_close_to_those_of_the_real_loop(share):
     """A reading every share-th step: the report's loop has one at each, with more noise."""
     found = report(build(model='cart_pole', joint_states__rate=100.0 / share))

@@ -186,6 +186,7 @@ def test_limits_of_states_are_a_section():
         kr.load('cart_pole', {'law': 'lqr', 'state_limit.x': [-1.0, 1.0]})
 
 
+@pytest.mark.thorough
 def test_a_limit_of_an_angle_may_be_beyond_half_a_turn():
     robot = {'model_parameters.command_time': 0.2, 'initial_state': [0.0, 0.0, 0.0, 3.0, 0.0],
              'initial_estimate': [0.0, 0.0, 0.0, 3.0, 0.0], 'law': 'mpc',

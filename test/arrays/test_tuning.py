@@ -244,6 +244,7 @@ def test_readings_that_no_filter_explains_are_refused():
         )  # fmt: skip
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_an_ascent_ends_at_a_known_maximum_once_it_is_near():
     spring = COVERED[0]

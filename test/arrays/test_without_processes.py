@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+from thorough import mostly_thorough
 
 #: What a Python in a browser does not have, or has without a function.
 ABSENT = (
@@ -60,7 +61,7 @@ CALLS = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('what', CALLS)
+@pytest.mark.parametrize('what', mostly_thorough(CALLS, 'many loops', 'fits'))
 def test_it_runs_without(what):
     done = subprocess.run(
         [sys.executable, '-c', GUARD + CALLS[what]], capture_output=True, text=True, timeout=100

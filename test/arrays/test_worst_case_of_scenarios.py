@@ -39,6 +39,7 @@ def check_samples(count: int) -> None:
     assert min(disks) >= at.found * (1.0 - 1e-6)
 
 
+@pytest.mark.thorough
 def test_samples_are_within_the_bounds() -> None:
     check_samples(30)
 

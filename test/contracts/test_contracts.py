@@ -266,8 +266,16 @@ def drawn(name):
 
 RUNS = 200
 #: The quick tests have the model that the linear filters serve, too, and that is no scalar.
+LIKE_EKF = ('square_root', 'gaussian_sum')
 MARKED = [
-    pytest.param(*pair, marks=() if pair[0] == 'mass_spring_damper' else pytest.mark.slow)
+    pytest.param(
+        *pair,
+        marks=[
+            *([] if pair[0] == 'mass_spring_damper' else [pytest.mark.slow]),
+            # others hold that these are the extended filter where one Gaussian is enough
+            *([pytest.mark.thorough] if pair[1] in LIKE_EKF and pair[0] != 'two_bearings' else []),
+        ],
+    )
     for pair in SERVED
 ]
 

@@ -141,6 +141,23 @@ class DistanceWithJacobian(Distance):
         return np.array([[x[0] / np.hypot(x[0], 1.0), 0.0]])
 
 
+def test_noise_that_is_not_finite_spoils_no_other_state():
+    class Certain(Spring):
+        """A spring whose slope is known where its noise is not."""
+
+        def state_jacobian(self, x, u):
+            return np.array([[0.0, 1.0], [-1.0, 0.0]])
+
+        def noise_density(self, x):
+            return np.diag([0.1, x[1] ** 2])
+
+    x = np.array([[1.0, 2.0], [1.0, np.nan]])
+    found = stacked(Certain()).linearized_step(x, np.zeros((2, 1)), 0.1)
+    alone = stacked(Certain()).linearized_step(x[:1], np.zeros((1, 1)), 0.1)
+    np.testing.assert_allclose(found.Q[0], alone.Q[0], rtol=1e-12)
+    assert np.isnan(found.Q[1]).all()
+
+
 def test_the_jacobian_of_a_sensor_takes_leading_axes():
     plain, own = Distance(), DistanceWithJacobian()
     assert stacked_sensor(plain) is plain

@@ -222,6 +222,7 @@ def test_the_energy_of_a_feedback_is_that_of_its_motion():
     assert fast['effort'] == pytest.approx(8 * found['effort'])
 
 
+@pytest.mark.thorough
 def test_no_feedback_is_below_the_curve_of_lqr():
     rng = np.random.default_rng(2)
     for pole in zip(rng.uniform(-5, -0.1, 20), rng.uniform(0.2, 5, 20), strict=True):

@@ -279,7 +279,8 @@ def test_any_message_on_any_subscription(name, lockstep, start, said):
     with np.errstate(all='ignore'):
         hostile()
     executor.shutdown()
-    assert all(heard[topic] > 10 for topic in SAYS[name, lockstep]), heard
+    # how often a reading among all that is fused depends on the processor
+    assert all(heard[topic] for topic in SAYS[name, lockstep]), heard
 
 
 VALUES = st.one_of(

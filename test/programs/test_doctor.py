@@ -83,10 +83,11 @@ def test_a_bag_with_a_wrong_sign_fails_with_the_lines_to_change(tmp_path, capsys
 
 
 def test_no_bag_is_one_line(tmp_path, capsys):
-    assert run(tmp_path / 'none') == 2
+    assert run(tmp_path / 'none', '--out', tmp_path / 'out') == 2
     error = capsys.readouterr().err
     assert error.startswith('doctor: ')
     assert error.count('\n') == 1
+    assert not (tmp_path / 'out').exists()
 
 
 def test_a_name_that_a_terminal_would_obey_is_printed_as_text(tmp_path, capsys):
@@ -104,6 +105,7 @@ def test_a_program_that_is_interrupted_says_so_in_a_line(name, tmp_path, monkeyp
     interrupts = {'doctor': 'load', 'replay': 'replayed_with_progress', 'allan': 'Bag'}
     module = importlib.import_module(f'kalman_ros.programs.{name}.program')
     monkeypatch.setattr(module, interrupts[name], interrupted)
+    (tmp_path / 'bag').mkdir()
     given = [str(tmp_path / 'bag'), '--out', str(tmp_path / 'out')]
     given += [] if name == 'allan' else ['--params-file', SCENARIO]
     with pytest.raises(SystemExit) as ended:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from thorough import thorough
 
 from kalman_ros.control.limiter import Limits
 from kalman_ros.core import DesignError
@@ -100,7 +101,7 @@ def test_what_no_input_follows_is_refused_with_state_and_time():
         motion_of(scenario, jump)
 
 
-@pytest.mark.parametrize(('factor', 'refused'), [(1.01, False), (0.99, True)])
+@pytest.mark.parametrize(('factor', 'refused'), [thorough(1.01, False), (0.99, True)])
 def test_inputs_beyond_their_limits_are_refused_with_the_time(factor, refused):
     scenario = robot()
     reference = along_path(scenario, CORNER, 0.5, 0.5)

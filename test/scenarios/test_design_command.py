@@ -89,6 +89,7 @@ def test_a_model_of_ones_own_by_its_parameter_file(run, tmp_path, monkeypatch):
     assert (tmp_path / 'out' / 'pendulum' / 'design' / 'loops.png').exists()
 
 
+@pytest.mark.thorough
 def test_it_is_of_what_estimator_and_controller_believe(run, tmp_path):
     (tmp_path / 'mine.yaml').write_text("""
 /**:

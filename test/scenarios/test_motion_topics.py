@@ -63,6 +63,7 @@ def test_the_nodes_follow_a_path_as_the_simulation_does():
     np.testing.assert_allclose(followed.truth[-1, :2], [1.0, 1.0], atol=0.1)
 
 
+@pytest.mark.thorough
 def test_what_is_no_motion_is_refused_in_one_line_and_the_loop_goes_on():
     back = path(CORNER)
     for k, pose in enumerate(back.poses):

@@ -147,7 +147,7 @@ def _largest_correlation(record: SensorRecord, y: Array, signals: Array) -> floa
     interval = max(float(np.median(np.diff(record.stamp))), 1e-6)
     grid = np.arange(record.stamp[0], record.stamp[-1], interval)
     size, lags = 2 * len(grid), max(int(_LAG / interval), 1)
-    kept_lags = np.r_[0 : min(lags, len(grid)), max(size - lags, len(grid)) : size]
+    kept_lags = np.r_[0 : min(lags + 1, len(grid)), max(size - lags, len(grid)) : size]
 
     def spectrum(values: Array) -> Array:
         resampled = np.interp(grid, record.stamp, values)

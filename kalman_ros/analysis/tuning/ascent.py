@@ -182,7 +182,7 @@ def _step(
     solved = np.linalg.lstsq(C + damping * np.eye(len(C)), g[free] / d, rcond=None)[0]
     step[free] = solved / d
     longest = np.array([_LONGEST if free.positive else _FAR for free in likelihood.parameters])
-    step *= min(1.0, 1.0 / max(float(np.max(np.abs(step) / longest)), 1e-300))
+    step /= max(1.0, float(np.max(np.abs(step) / longest)))
     step = np.clip(z + step, limits[:, 0], limits[:, 1]) - z
     return step, 0.5 * float(g @ step)
 

@@ -68,6 +68,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     options = arguments(words)
     console = Console(highlight=False)
     try:
+        if not options.bag.exists():
+            raise FileNotFoundError(2, 'no such file or folder', str(options.bag))
         folder = ready(options.out or Path('out') / options.bag.stem / 'doctor')
         if options.params_file is None:
             sys.exit(describe_and_propose(options.bag, folder, console))
