@@ -28,6 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Space, is_finite, symmetric
+from kalman_ros.linear import single as k
 
 from .filter import SmoothableFilter
 from .smoother import Filtered, StepBack, carried_back, step_back, unsmoothable
@@ -50,7 +51,7 @@ class _Back(NamedTuple):
     def after(self, later: _Back) -> _Back:
         """Return the step from further ahead: first ``later``, then this one."""
         C = self.C
-        return _Back(C @ later.C, self.c + C @ later.c, self.R + C @ later.R @ C.T)
+        return _Back(C @ later.C, self.c + C @ later.c, k.sandwich(C, later.R, self.R))
 
 
 class _Window:
@@ -104,6 +105,7 @@ class FixedLagSmoother:
         self._space, self._lag = space, round(lag * 1e9)
         #: The change of each coordinate from which on it is large.
         self._large_from = np.full(space.size, np.inf)
+        self._turns = bool(space.turns)
         self._large_from[space.indices(space.angles)] = _LARGE
         for names in space.rotations:
             self._large_from[space.rotation(names)] = _LARGE_ROTATION
@@ -173,7 +175,7 @@ class FixedLagSmoother:
         return Gaussian(*self._space.arrived(x + c, x, symmetric(C @ covariance @ C.T + R)))
 
     def _is_large(self, change: Array) -> bool:
-        return bool((np.abs(change) > self._large_from).any())
+        return self._turns and bool((np.abs(change) > self._large_from).any())
 
     def _by_steps(self) -> list[Gaussian]:
         """Return the beliefs of the window as `smooth` does: no turn is beyond half a turn."""

@@ -19,8 +19,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kalman_ros.core import Array, Gaussian, Space, solve, symmetric
+from kalman_ros.core import Array, Gaussian, Space, is_finite, solve, symmetric
+from kalman_ros.linear import single as k
 from kalman_ros.linear.factor import cholesky
+from kalman_ros.linear.matrices import identity
 
 from . import FILTERS, filter_class
 from .filter import SmoothableFilter
@@ -115,13 +117,26 @@ def step_back(filter: SmoothableFilter, step: Filtered, until: int) -> StepBack:
     """
     P = step.belief.covariance
     predicted, F, Q = filter.linearized(step.belief, step.input, (until - step.time) * 1e-9)
-    _, P_p, _ = cholesky(predicted.covariance)
+    C = _gain(F @ P, predicted.covariance)
+    I_CF = identity(len(P)) - C @ F
+    R = k.sandwich(I_CF, P, k.sandwich(C, Q, np.zeros_like(P)))
+    return StepBack(predicted.mean, C, symmetric(R))
+
+
+def _gain(FP: Array, P_p: Array) -> Array:
+    """Return C = P F' P_p^-1, where P_p may have to be repaired or be singular."""
     try:
-        C = solve(P_p, F @ P).T
+        C = k.divided(FP, P_p)
+        if is_finite(C):
+            return C
+    except np.linalg.LinAlgError:
+        pass
+    _, P_p, _ = cholesky(P_p)
+    try:
+        solved = solve(P_p, FP)
     except np.linalg.LinAlgError:  # some states are known exactly
-        C = _solve_singular(P_p, F @ P).T
-    I_CF = np.eye(len(P)) - C @ F
-    return StepBack(predicted.mean, C, symmetric(I_CF @ P @ I_CF.T + C @ Q @ C.T))
+        solved = _solve_singular(P_p, FP)
+    return np.asarray(solved.T)
 
 
 def _solve_singular(P: Array, right: Array) -> Array:

@@ -265,8 +265,8 @@ def drawn(name):
 
 
 RUNS = 200
-#: The quick tests have the model that the linear filters serve, too, and that is no scalar.
 LIKE_EKF = ('square_root', 'gaussian_sum')
+#: The quick tests have the model that the linear filters serve, too, and that is no scalar.
 MARKED = [
     pytest.param(
         *pair,
