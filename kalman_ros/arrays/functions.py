@@ -55,37 +55,44 @@ def _real(what: str, value: ArrayLike) -> Array:
             found.flat = flat
             whole: Array = found
             return whole
-    return np.asarray(value, dtype=float)
+    return np.array(value, dtype=float)
+
+
+#: The numbers of points at which a function of many is compared with that of one: no size of a
+#: state equals both, so none is taken for the other.
+_MANY = 7, 11
 
 
 class _Each:
     """Applies a function of vectors to arrays of vectors: at once if possible, else one by one.
 
-    A function may take the coordinates as the last axis, ``x[..., 0]``, or as ``x[0]``, which most
-    write, and which takes arrays as well, one for each coordinate.
+    The function gets copies, and its results are copied, so that neither what it does to its
+    arguments nor an array that it returns again is seen elsewhere.
     """
 
     def __init__(self, f: Function, what: str, sizes: Sequence[int], size: int) -> None:
         self._f, self._size, self._what = f, size, what
         rng = np.random.default_rng(0)
-        points = [rng.uniform(0.5, 1.5, (3, n)) for n in sizes]
-        single = np.array([self._one(*(p[i] for p in points)) for i in range(3)])
-        self._at_once = self._agrees(lambda: f(*points), single)
-        #: Whether it takes the coordinates as the first axis.
-        self._by_coordinate = not self._at_once and self._agrees(
-            lambda: _real(what, f(*(p.T for p in points))).T, single
-        )
+        self._one(*(rng.uniform(0.5, 1.5, n) for n in sizes))
+        with np.errstate(all='ignore'):
+            self._at_once = all(self._agrees(rng, count, sizes) for count in _MANY)
 
-    def _agrees(self, together: Callable[[], ArrayLike], single: Array) -> bool:
+    def _agrees(self, rng: np.random.Generator, count: int, sizes: Sequence[int]) -> bool:
+        """Return whether ``count`` points at once, of any size and sign, are as one by one."""
+        scales = 10.0 ** rng.uniform(-2.0, 4.0, (count, 1))
+        points = [scales * rng.uniform(-1.0, 1.0, (count, n)) for n in sizes]
         try:
-            found = np.asarray(together(), dtype=float)
+            single = [self._one(*(p[i] for p in points)) for i in range(count)]
+            together = np.asarray(self._f(*(p.copy() for p in points)), dtype=float)
         except Exception:  # a user's function may fail on arrays in any way
             return False
-        return found.shape == single.shape and bool(np.allclose(found, single))
+        return together.shape == (count, self._size) and bool(
+            np.allclose(together, single, rtol=1e-9, atol=0.0, equal_nan=True)
+        )
 
     def _one(self, *point: Array) -> Array:
         try:
-            found = np.atleast_1d(_real(self._what, self._f(*point)))
+            found = np.atleast_1d(_real(self._what, self._f(*(each.copy() for each in point))))
         except Exception as error:
             taken = ' and '.join(f'an array of {each.size}' for each in point)
             why = f'{type(error).__name__}: {error}'
@@ -98,18 +105,16 @@ class _Each:
 
     def __call__(self, *arguments: Array) -> Array:
         if self._at_once:
-            return _real(self._what, self._f(*arguments))
+            return _real(self._what, self._f(*(each.copy() for each in arguments)))
         if arguments[0].ndim == 1:
-            return _real(self._what, self._f(*arguments)).reshape(self._size)
+            found = self._f(*(each.copy() for each in arguments))
+            return _real(self._what, found).reshape(self._size)
         lead = arguments[0].shape[:-1]
         flat = []
         for each in arguments:
             whole = (*lead, each.shape[-1])
             each = each if each.shape == whole else np.broadcast_to(each, whole)
-            flat.append(each.reshape(prod(lead), whole[-1]))
-        if self._by_coordinate:
-            found = _real(self._what, self._f(*(a.T for a in flat)))
-            return np.ascontiguousarray(found.T).reshape(*lead, self._size)
+            flat.append(np.array(each).reshape(prod(lead), whole[-1]))
         one_by_one = [_real(self._what, self._f(*point)) for point in zip(*flat)]
         return np.array(one_by_one).reshape(*lead, self._size)
 

@@ -67,16 +67,17 @@ class PoseReader:
         self._frame, self._skipped = '', 0
 
     def __call__(self, data: bytes) -> None:
-        """Add the pose in a message, or count it: undecodable, without a stamp, not finite."""
+        """Add the pose in a message; count it if it has no stamp, is not finite or elsewhere."""
         try:
             time, pose, C = self._read(data)
             frame = leading_frame(data)
         except (UndecodableError, LookupError, ValueError, struct.error):
             time = None
-        if time is None or not is_finite(pose):
+        # zero stands for no stamp
+        if not time or not is_finite(pose) or frame != (self._frame or frame):
             self._skipped += 1
             return
-        self._frame = self._frame or frame
+        self._frame = frame
         self._stamps.append(time)
         self._rows.append(pose, C if C is not None and is_finite(C) else None)
 

@@ -40,7 +40,8 @@ class Mounting(NamedTuple):
         Heading, in rad counter-clockwise from east, that the messages call zero: the declination
         of a compass, or the offset of a gyro that starts anywhere.
     place
-        Place of the sensor on the body: forward, left and up of its centre, in m.
+        Place of a sensor whose readings are the input: forward, left and up of the centre of the
+        body, in m.
     """
 
     rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -99,10 +100,7 @@ def mounting(
         got = ', '.join(f'{each:g}' for each in translation)
         raise ValueError(f'mount.translation: expected forward, left and up in m, got ({got})')
     roll, pitch, yaw = map(float, rotation)
-    x, y, z = map(float, translation)
     placed = any(rotation) or any(translation)
     if placed and from_tf:
         raise ValueError('mount.tf: expected no mount.translation and mount.rotation beside it')
-    return Mounting(
-        (roll, pitch, yaw), convention, frame, placed or from_tf, from_tf, heading, (x, y, z)
-    )
+    return Mounting((roll, pitch, yaw), convention, frame, placed or from_tf, from_tf, heading)

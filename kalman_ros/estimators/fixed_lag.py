@@ -37,8 +37,9 @@ from .smoother import Filtered, StepBack, carried_back, step_back, unsmoothable
 #: window may turn an angle by more than half a turn, and a rotation by what is not small.
 _LARGE = 0.5
 _LARGE_ROTATION = 0.05
-#: Part of a window that is computed step by step at once.
-_SHARE = 5
+#: The age, in lags, of the oldest belief at which those that have their lag are computed step by
+#: step, all at once.
+_LATEST = 1.25
 
 
 class _Back(NamedTuple):
@@ -103,6 +104,7 @@ class FixedLagSmoother:
 
     def __init__(self, space: Space, lag: float) -> None:
         self._space, self._lag = space, round(lag * 1e9)
+        self._latest = round(_LATEST * lag * 1e9)
         #: The change of each coordinate from which on it is large.
         self._large_from = np.full(space.size, np.inf)
         self._turns = bool(space.turns)
@@ -143,11 +145,12 @@ class FixedLagSmoother:
                 yield self._steps[0].time, belief
                 self._drop()
                 continue
-            # one pass is for many, so that its cost for each of them has a bound
-            most = len(self._steps) // _SHARE
-            if not self._has_passed(most):
+            # one pass is for many, so that there are few of them
+            if self._steps[-1].time - self._steps[0].time < self._latest:
                 break
-            for belief in self._by_steps()[: most + 1]:
+            for belief in self._by_steps()[:-1]:
+                if not self._has_passed(0):
+                    break
                 yield self._steps[0].time, belief
                 self._drop()
 

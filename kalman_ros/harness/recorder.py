@@ -12,9 +12,9 @@ import numpy as np
 from rclpy.qos import QoSProfile
 
 from kalman_ros.codecs.signal_codecs import Codec, codec_of
-from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Array, Signal
 from kalman_ros.nodes.middleware.watcher import WatcherNode
+from kalman_ros.pipeline.input_messages import InputDecoder
 
 from .run_recording import RunRecording
 
@@ -46,6 +46,7 @@ class Recorder:
 
     def __init__(self, node: WatcherNode, signals: Mapping[str, Signal]) -> None:
         self._codecs: dict[str, Codec] = {}
+        self._signals = dict(signals)
         self.raw: dict[str, list[bytes]] = {}
         #: Number of received messages by full name of the topic; `forget` does not reset it.
         self.received: dict[str, int] = {}
@@ -105,8 +106,7 @@ class Recorder:
 
     def __getitem__(self, topic: str) -> Recorded:
         """Return the record of ``topic``; raise KeyError if there is none."""
-        codec = self._codecs[topic]
-        read = WireReader(codec)
+        codec, read = self._codecs[topic], InputDecoder(self._signals[topic])
         decoded = (self._intake(topic, read, data) for data in self.raw[topic])
         samples = [sample for sample in decoded if sample is not None]
         stamps = [sample.time for sample in samples if sample.time is not None]

@@ -167,7 +167,8 @@ class Mounts:
         """
         placement, signal = self._known(frame), self._scenario.input
         angles, reported = so3.to_euler(placement.rotation).tolist(), signal.mounting
-        mount = mounting(angles, reported.convention, frame, placement.translation.tolist())
+        place = placement.translation.tolist()
+        mount = mounting(angles, reported.convention, frame, place)._replace(place=tuple(place))
         self._input = frame, placement
         return replace(signal, mounting=mount)
 

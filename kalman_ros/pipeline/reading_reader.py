@@ -24,7 +24,7 @@ from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.scenario import SensorSource
 
 from .frame_guard import FrameGuard
-from .input_decoder import InputDecoder
+from .input_messages import InputDecoder
 from .mounts import Mounts
 from .pose_changes import FirstPoseError, PoseChange, whole_pose
 from .still_watch import StillWatch
@@ -210,13 +210,13 @@ class InputReader:
         UndecodableError, LookupError, ValueError
             If the bytes are not those of such a message, or the input is not in it.
         """
-        sample = self._read(data)
+        sample = self._read.read(data)
         if not data.startswith(self._guard.accepted, FRAME_START):
             other = self._guard(data)
             if other and self._declared:
                 raise UnusableInputError(Outcome.OTHER_FRAME, other)
         if self._mounts is None:
-            return sample
+            return self._read.moved(sample)
         try:
             signal = self._mounts.mount_input(self._guard.frame)
         except ValueError as error:

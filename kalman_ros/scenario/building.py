@@ -274,6 +274,8 @@ def _input(given: dict[str, Any], size: int) -> Signal:
     place, frame, from_tf = (given.pop(key) for key in ('mount.translation', 'frame', 'mount.tf'))
     try:
         mount = mounting(rotation, convention, frame, place, from_tf)
+        x, y, z = map(float, place)
+        mount = mount._replace(place=(x, y, z))
         signal = replace(_signal('input', given, size), mounting=mount)
         if any(place) and at_centre(signal) is None:
             listed = ', '.join(signal.fields) or 'none'

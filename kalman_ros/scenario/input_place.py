@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 
 from kalman_ros.core import Array, Signal
@@ -11,6 +13,8 @@ from kalman_ros.core.rotations import cross
 
 #: Nanoseconds between two readings beyond which their difference is no angular acceleration.
 _APART = 500_000_000
+#: Number of the last intervals, of which the longest is how long a reading is expected to be held.
+_INTERVALS = 8
 
 
 class InputPlace:
@@ -18,9 +22,11 @@ class InputPlace:
 
     With r the place in the axes of the body, and w the angular rate, the velocity of the centre is
     v - w x r and its acceleration a - w' x r - w x (w x r) (J. J. Craig, Introduction to Robotics,
-    sections 5.6 and 6.2). The angular acceleration w' is the difference of the rates of two
-    readings by their time: its noise adds up to no more than r times that of the rate in a
-    velocity. A rate that is not among the fields is 0.
+    sections 5.6 and 6.2). The angular acceleration w' of a reading is what the rate has changed by
+    and earlier ones have not yet accounted for, while they were held, by the time that it is
+    expected to be held. So w' adds up to the change of the rate, whatever the intervals, and its
+    noise in a velocity stays near r times that of the rate. A rate that is not among the fields is
+    0, and so is w' without stamps, and until the intervals are known.
 
     Parameters
     ----------
@@ -40,8 +46,11 @@ class InputPlace:
         self._rates, self._velocities, self._accelerations = map(
             of, (RATE, VELOCITY, ACCELERATION)
         )
-        self._last: tuple[int, Array] | None = None
+        self._last = 0
+        #: The rate up to which held readings have accounted for its change.
+        self._reached: Array | None = None
         self._turning = np.zeros(3)
+        self._intervals: deque[int] = deque(maxlen=_INTERVALS)
 
     @property
     def matters(self) -> bool:
@@ -50,6 +59,13 @@ class InputPlace:
 
     def __call__(self, time: int | None, values: Array) -> Array:
         """Return the input (m,) at the centre of the body, for a reading at its place."""
+        return self._moved(time, values, -1.0)
+
+    def away(self, time: int | None, values: Array) -> Array:
+        """Return the input (m,) at the place, for one at the centre: the inverse."""
+        return self._moved(time, values, 1.0)
+
+    def _moved(self, time: int | None, values: Array, sign: float) -> Array:
         rate = np.zeros(3)
         rate[self._rates[1]] = values[self._rates[0]]
         self._follow(time, rate)
@@ -57,21 +73,25 @@ class InputPlace:
         drawn = cross(self._turning, self._place) + cross(rate, swung)
         moved: Array = values.copy()
         for (index, axes), change in ((self._velocities, swung), (self._accelerations, drawn)):
-            moved[index] -= change[axes]
+            moved[index] += sign * change[axes]
         return moved
 
     def _follow(self, time: int | None, rate: Array) -> None:
-        """Take the angular acceleration from two readings; that before holds for a late one."""
-        if time is None or not np.isfinite(rate).all():
+        """Take the angular acceleration of a reading; that before holds for a late one."""
+        if not time or not np.isfinite(rate).all():  # zero stands for no stamp
             return
-        if self._last is not None:
-            before, old = self._last
-            apart = time - before
-            if -_APART <= apart <= 0:
-                return
-            near = 0 < apart <= _APART
-            self._turning = (rate - old) / (apart * 1e-9) if near else np.zeros(3)
-        self._last = time, rate
+        interval = time - self._last
+        if self._reached is not None and -_APART <= interval <= 0:
+            return
+        self._last = time
+        if self._reached is None or not 0 < interval <= _APART:
+            self._reached, self._turning = rate, np.zeros(3)
+            self._intervals.clear()
+            return
+        self._intervals.append(interval)
+        self._reached = self._reached + self._turning * (interval * 1e-9)
+        if len(self._intervals) == _INTERVALS:
+            self._turning = (rate - self._reached) / (max(self._intervals) * 1e-9)
 
 
 def at_centre(signal: Signal) -> InputPlace | None:

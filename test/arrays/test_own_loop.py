@@ -215,28 +215,82 @@ def test_the_arguments_of_filterpy_are_answered_with_ours(name):
         getattr(kr, name)(dim_x=2, dim_z=1)
 
 
-@pytest.mark.parametrize(
-    ('f', 'calls'),
-    [
-        (lambda x, u: np.array([x[1], np.sin(x[0]) + u[0]]), 1),
-        (lambda x, u: [x[1], np.sin(x[0]) + u[0]], 1),
-        (lambda x, u: np.stack((x[..., 1], np.sin(x[..., 0]) + u[..., 0]), axis=-1), 1),
-        # what cannot take arrays, or is another function of them, is called for each point
-        (lambda x, u: np.array([x[1], math.sin(x[0]) + u[0]]), 12),
-        (lambda x, u: np.array([x[1], np.sin(x[0]) + u[0] + 0 * x.sum() + (x.ndim - 1)]), 12),
-    ],
-)
-def test_a_function_is_called_for_many_points_at_once_where_it_can_be(f, calls):
+def norm(x):
+    return np.linalg.norm(x)
+
+
+A2 = np.array([[0.0, 1.0], [-1.0, -0.2]])
+#: Functions of a state of two numbers, and an input, as people write them.
+OF_TWO = [
+    lambda x, u: np.array([x[1], np.sin(x[0]) + u[0]]),
+    lambda x, u: [x[1], math.sin(x[0]) + u[0]],
+    lambda x, u: np.stack((x[..., 1], np.sin(x[..., 0]) + u[..., 0]), axis=-1),
+    lambda x, u: A2 @ x + u / max(1.0, norm(u) / 5.0),
+    lambda x, u: np.array([x[1], -x[0]]) / max(1.0, norm(x) / 8.0),
+    lambda x, u: x / max(1.0, norm(x) / 8.0) + u,
+    lambda x, u: -x if np.any(x < 0) else x,
+    lambda x, u: np.sign(np.sum(x)) * np.array([x[1], -x[0]]),
+    lambda x, u: x * min(1.0, 8.0 / np.abs(x).max()),
+    lambda x, u: 1e-10 * np.array([x[1] * x.sum(), -x[0]]),
+    lambda x, u: -x / len(x) + np.zeros(2),
+    lambda x, u: np.array([x[1], -x[0]]) if np.all(x < 4.0) else x,
+]
+#: The same of three.
+OF_THREE = [
+    lambda x, u: -x / len(x),
+    lambda x, u: [-x[0], -x[1], -x[2]],
+    lambda x, u: -0.5 * np.eye(3) @ x + np.zeros(3),
+    lambda x, u: np.cross(x, [0.1, 0.2, 0.3]),
+    lambda x, u: x[:3] * x[..., :1],
+]
+
+
+@pytest.mark.parametrize('count', [1, 2, 3, 7, 11, 20])
+@pytest.mark.parametrize(('f', 'n'), [*((f, 2) for f in OF_TWO), *((f, 3) for f in OF_THREE)])
+def test_a_function_of_many_points_is_that_of_each(f, n, count):
+    model = kr.continuous_model(f, W=[0.1] * n, states=n, inputs='u')
+    x = 10.0 * np.random.default_rng(count).normal(size=(count, n))
+    u = np.linspace(-20.0, 20.0, count)[:, np.newaxis]
+    found = model.derivative(x, u)
+    expected = [np.asarray(f(a, b), dtype=float) for a, b in zip(x, u)]
+    np.testing.assert_allclose(found, expected, rtol=1e-14)
+
+
+def test_what_takes_many_points_is_called_once():
     count = []
 
     def counted(x, u):
         count.append(1)
-        return f(x, u)
+        return np.stack((x[..., 1], np.sin(x[..., 0]) + u[..., 0]), axis=-1)
 
     model = kr.continuous_model(counted, W=[0.1, 0.1], states='p q', inputs='u')
-    x, u = np.random.default_rng(1).normal(size=(3, 4, 2)), np.full(1, 0.3)
     count.clear()
-    found = model.derivative(x, u)
-    assert len(count) == calls
-    expected = np.stack((x[..., 1], np.sin(x[..., 0]) + 0.3), axis=-1)
-    np.testing.assert_allclose(found, expected, rtol=1e-15)
+    model.derivative(np.ones((3, 4, 2)), np.ones(1))
+    assert len(count) == 1
+
+
+def test_what_a_function_does_to_its_arrays_is_seen_nowhere_else():
+    result = np.zeros(2)
+
+    def reused(x, u):
+        result[0], result[1] = x[1], -x[0] + u[0]
+        return result
+
+    def clipped(x, u):
+        x[1] = np.clip(x[1], -0.3, 0.3)
+        return [x[1], -x[0] + u[0]]
+
+    def plain(x, u):
+        return [x[1], -x[0] + u[0]]
+
+    x, u = np.array([[2.0, 0.1], [-1.0, 0.2]]), np.array([0.5])
+    for f in (reused, clipped):
+        model = kr.continuous_model(f, W=[0.1, 0.1], states='p q', inputs='u')
+        expected = kr.continuous_model(plain, W=[0.1, 0.1], states='p q', inputs='u')
+        given = x.copy()
+        np.testing.assert_allclose(model.derivative(given, u), expected.derivative(x, u))
+        np.testing.assert_array_equal(given, x)
+        point = [2.0, 0.1], [0.5]
+        np.testing.assert_allclose(
+            kr.linearize(model, point).A, kr.linearize(expected, point).A, atol=1e-6
+        )

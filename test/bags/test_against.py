@@ -127,9 +127,12 @@ def test_what_is_not_compared_is_told(bag, tmp_path, capsys):
     with pytest.raises(SystemExit):
         main([str(bag), *of_robot(tmp_path), '--against', 'alone', '--truth', 'truth'])
     said = ' '.join(capsys.readouterr().out.split())
-    assert 'There is no time at which the estimate and alone are both known.' in said
+    assert (
+        'There is no time at which the estimate and alone are both known, which takes two poses.'
+        in said
+    )
     assert 'There is no time at which alone and the truth are both known.' in said
-    assert '2 messages on alone are not compared: without a stamp, not finite' in said
+    assert '2 messages of alone are not compared: without a stamp, not finite' in said
     found = json.loads((tmp_path / 'out' / 'summary.json').read_text())['against']
     assert set(found) == {'estimate - truth'}
     assert found['estimate - truth']['seconds'] == pytest.approx(SECONDS, abs=0.2)

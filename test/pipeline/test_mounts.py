@@ -205,10 +205,10 @@ INERTIAL = {
 }  # fmt: skip
 
 
-def imu_of(rate, force, frame='imu_link'):
+def imu_of(rate, force, frame='imu_link', stamp=5_000_000_000):
     reading = Imu()
     reading.header.frame_id = frame
-    write_stamp(reading.header.stamp, 5_000_000_000)
+    write_stamp(reading.header.stamp, stamp)
     for vector, values in ((reading.angular_velocity, rate), (reading.linear_acceleration, force)):
         vector.x, vector.y, vector.z = map(float, values)
     return bytes(serialize_message(reading))
@@ -251,3 +251,15 @@ def test_an_input_without_a_frame_is_not_used_and_one_of_the_body_is_as_it_is():
 def test_a_place_of_the_input_is_from_one_source_alone():
     with pytest.raises(ValueError, match=r'^input.mount.tf: expected no mount.translation and'):
         settings({**INERTIAL, 'input.mount.rotation': [0.1, 0.0, 0.0]})
+
+
+def test_what_is_refused_by_its_frame_does_not_turn_the_next_one():
+    given = {k: v for k, v in INERTIAL.items() if k != 'input.mount.tf'}
+    changes = {'input.mount.translation': [0.5, 0.0, 0.0], 'input.frame': 'imu_link'}
+    scenario = settings({**given, **changes}).scenario
+    reader = InputReader(scenario.input, ('map', 'base_link'), str, None)
+    for stamp in range(5, 25):
+        found = reader.read(imu_of([0, 0, 0], [0, 0, 9.8], stamp=stamp * 10_000_000)).values
+        np.testing.assert_array_equal(found, [0, 0, 0, 0, 0, 9.8])
+        with pytest.raises(UnusableInputError):
+            reader.read(imu_of([0, 0, 0.3], [0, 0, 9.8], 'other', stamp * 10_000_000 + 5_000_000))

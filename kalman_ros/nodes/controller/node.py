@@ -16,8 +16,6 @@ from std_msgs.msg import Bool, Empty
 from std_srvs.srv import SetBool, Trigger
 
 from kalman_ros.codecs.layout import Sample
-from kalman_ros.codecs.signal_codecs import codec_of
-from kalman_ros.codecs.wire import WireWriter
 from kalman_ros.control.feedback import Regulator
 from kalman_ros.control.limiter import Limiter, Limits, check_idle
 from kalman_ros.control.motion import Motion
@@ -28,6 +26,7 @@ from kalman_ros.nodes.middleware.diagnostics import Level, Report
 from kalman_ros.nodes.middleware.meeting import Meeting
 from kalman_ros.nodes.middleware.meters import Latency, Rate
 from kalman_ros.nodes.middleware.topics import HISTORY, QUEUE, STATIC, WATCH
+from kalman_ros.pipeline.input_messages import InputEncoder
 from kalman_ros.pipeline.throttle import Throttle
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.body_roles import body_of
@@ -83,7 +82,7 @@ class ControllerNode(runtime.ScenarioNode):
         self._refused = 0
         self._rate, self._latency, self._age = Rate(), Latency(), Latency()
         self._feed = EstimateFeed(self, scenario, self._guard)
-        write = WireWriter(codec_of(scenario.input, options.frame))
+        write = InputEncoder(scenario.input, options.frame)
         publisher = self.create_publisher(write.message_type, scenario.input.topic, HISTORY)
         self._output = OutputStage(
             publisher, write, limiter, self._period, simulated=options.lockstep

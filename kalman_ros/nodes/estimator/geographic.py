@@ -21,7 +21,7 @@ from sensor_msgs.msg import NavSatFix
 from kalman_ros.codecs.messages import message_type
 from kalman_ros.core.geodesy import Origin, Place, TangentPlane, place
 from kalman_ros.nodes.middleware.host import Host
-from kalman_ros.nodes.middleware.topics import COMMANDS, QUEUE
+from kalman_ros.nodes.middleware.topics import QUESTIONS, QUEUE
 from kalman_ros.pipeline.throttle import Throttle
 
 #: Topics of the questions; each answer has that of its question and a word.
@@ -66,8 +66,8 @@ class GeographicServer:
     def __init__(self, node: Host, frame: str, origin: Origin) -> None:
         self._frame, self._origin = frame, origin
         self._warn = Throttle(node.get_logger().warning)
-        node.create_subscription(PointStamped, TO_LL, self._on_point, COMMANDS)
-        node.create_subscription(NavSatFix, FROM_LL, self._on_fix, COMMANDS)
+        node.create_subscription(PointStamped, TO_LL, self._on_point, QUESTIONS)
+        node.create_subscription(NavSatFix, FROM_LL, self._on_fix, QUESTIONS)
         self._fixes = node.create_publisher(NavSatFix, ANSWERS[TO_LL], QUEUE)
         self._points = node.create_publisher(PointStamped, ANSWERS[FROM_LL], QUEUE)
         types = {kind: service_type(kind) for kind in SERVICES}

@@ -17,7 +17,8 @@ from kalman_ros.core import Gaussian, Option, Value
 from kalman_ros.nodes.middleware import runtime
 from kalman_ros.nodes.middleware.diagnostics import Report
 from kalman_ros.nodes.middleware.meters import Latency
-from kalman_ros.nodes.middleware.topics import COMMANDS, STATIC
+from kalman_ros.nodes.middleware.topics import QUEUE, STATIC
+from kalman_ros.nodes.middleware.watcher import waiting
 from kalman_ros.pipeline import transforms
 from kalman_ros.pipeline.estimator_options import EstimatorOptions
 from kalman_ros.pipeline.fuser import Fused, Fuser
@@ -144,7 +145,7 @@ class EstimatorNode(runtime.ScenarioNode):
             self.get_logger().warning(f'{without}: {lacking}')
         return not lacking
 
-    def _answer_as_robot_localization(self, take_pose: Callable[[bytes], None]) -> None:
+    def _answer_as_robot_localization(self, take_pose: Callable[[bytes], bool | None]) -> None:
         """Offer its services ``set_pose`` and ``toggle``, where its types are installed."""
         set_pose, toggle = service_type('SetPose'), service_type('ToggleFilterProcessing')
 
@@ -162,23 +163,30 @@ class EstimatorNode(runtime.ScenarioNode):
             if kind is not None:
                 self.create_service(kind, name, answer)
 
-    def _take_belief(self, topic: str, read: PoseReader | StateReader) -> Callable[[bytes], None]:
+    def _take_belief(
+        self, topic: str, read: PoseReader | StateReader
+    ) -> Callable[[bytes], bool | None]:
         """Restart from the beliefs that a topic brings; return what takes a message of it."""
         name = topic.rpartition('/')[2]
 
-        def on_message(data: bytes) -> None:
+        def take(data: bytes) -> bool | None:
             try:
                 belief = read(data, self.scenario.believed.initial)
                 check_start(replace(self._estimation, initial=belief), self.scenario)
             except ValueError as error:
                 self._fuser.warn(f'{name}: {error}')
-                return
+                return None
             self._fuser.reset(belief)
             self.diagnostics.soon()
             self.get_logger().info(f'reset to {name}', throttle_duration_sec=1.0)
+            return True
 
-        self.create_subscription(read.message_type, topic, on_message, COMMANDS, raw=True)
-        return on_message
+        def on_message(data: bytes) -> None:
+            # of those that wait only the last one counts, and a flood must hold up nothing else
+            self.intake.newest(found.topic_name, take, waiting(found, [data]))
+
+        found = self.create_subscription(read.message_type, topic, on_message, QUEUE, raw=True)
+        return take
 
     def _on_reset(self, _: Any, response: Any) -> Any:
         self._fuser.reset(self.scenario.believed.initial)

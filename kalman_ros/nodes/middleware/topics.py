@@ -15,9 +15,8 @@ from rclpy.validate_topic_name import validate_topic_name
 
 from kalman_ros.codecs.layout import Sample
 from kalman_ros.codecs.messages import message_type
-from kalman_ros.codecs.signal_codecs import codec_of
-from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Signal
+from kalman_ros.pipeline.input_messages import InputDecoder
 from kalman_ros.scenario import Scenario
 
 from .host import Host
@@ -25,8 +24,8 @@ from .host import Host
 #: Reliable, with a depth for about a second without processor time. A queue drops messages
 #: silently; a reader with too much to read drops and counts them itself.
 QUEUE = QoSProfile(depth=5000)
-#: Commands, of which a flood must hold up nothing else: the oldest of more are dropped.
-COMMANDS = QoSProfile(depth=100)
+#: Questions, of which a flood must hold up nothing else: the oldest of more are dropped.
+QUESTIONS = QoSProfile(depth=100)
 
 #: For writers: a depth for what a lockstep recorder misses in that time. A message that a writer
 #: has dropped cannot be sent again.
@@ -54,7 +53,7 @@ def watched(
     node: Host, signal: Signal, take: Callable[[Sample], None], warn: Callable[[str], object]
 ) -> Any:
     """Subscribe to a signal for monitoring; messages that cannot be read are only named."""
-    read = WireReader(codec_of(signal))
+    read = InputDecoder(signal)
 
     def on_message(data: bytes) -> None:
         try:

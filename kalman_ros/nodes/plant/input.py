@@ -11,7 +11,7 @@ from kalman_ros.codecs.layout import Sample
 from kalman_ros.codecs.signal_codecs import codec_of
 from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Array, Signal
-from kalman_ros.pipeline.input_decoder import InputDecoder
+from kalman_ros.pipeline.input_messages import InputDecoder
 
 
 class PlantInput:

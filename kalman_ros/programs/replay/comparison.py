@@ -122,14 +122,15 @@ def _cell(value: float) -> str:
 
 def sentences(run: Replayed, found: Comparison) -> Iterator[str]:
     """Yield where two estimates part most and what happens there, and what is not compared."""
-    ours, skipped = run.poses(), found.other.skipped
+    ours = run.poses()
+    few = ', which takes two poses' if len(found.other.time) < 2 else ''
     if ours is None:
         yield f'There are no estimates with a pose to compare with {found.topic}.'
         return
     if found.apart is not None:
         yield _parting(run, found, found.apart, ours)
     elif run.against is not None:
-        yield f'There is no time at which the estimate and {found.topic} are both known.'
+        yield f'There is no time at which the estimate and {found.topic} are both known{few}.'
     if run.reference() is not None:
         named = {'estimate': 'the estimate'}
         if run.against is not None:
@@ -137,11 +138,15 @@ def sentences(run: Replayed, found: Comparison) -> Iterator[str]:
         for key, name in named.items():
             if key not in found.errors:
                 yield f'There is no time at which {name} and the truth are both known.'
-    if skipped:
-        yield (
-            f'{skipped} messages on {found.topic} are not compared: without a stamp, not finite, '
-            'or with a quaternion of zero.'
-        )
+    read = {found.topic: found.other}
+    if run.true_poses is not None and run.true_poses is not found.other:
+        read['the truth'] = run.true_poses
+    for name, path in read.items():
+        if path.skipped:
+            yield (
+                f'{path.skipped} messages of {name} are not compared: without a stamp, not '
+                'finite, with a quaternion of zero, or in another frame than the first.'
+            )
 
 
 def _parting(run: Replayed, found: Comparison, apart: Separation, ours: PosePath) -> str:
