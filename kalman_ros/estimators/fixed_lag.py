@@ -139,7 +139,7 @@ class FixedLagSmoother:
         else:
             self._window.push(back)
         self._steps.append(step)
-        while len(self._steps) > 1 and self._has_passed(0):
+        while len(self._steps) > 1 and self._has_passed():
             belief = self._oldest()
             if belief is not None:
                 yield self._steps[0].time, belief
@@ -149,7 +149,7 @@ class FixedLagSmoother:
             if self._steps[-1].time - self._steps[0].time < self._latest:
                 break
             for belief in self._by_steps()[:-1]:
-                if not self._has_passed(0):
+                if not self._has_passed():
                     break
                 yield self._steps[0].time, belief
                 self._drop()
@@ -160,9 +160,9 @@ class FixedLagSmoother:
             yield from zip([step.time for step in self._steps], self._by_steps())
         self.clear()
 
-    def _has_passed(self, index: int) -> bool:
-        """Return whether the newest step is a lag after the one at ``index``."""
-        return self._steps[-1].time - self._steps[index].time >= self._lag
+    def _has_passed(self) -> bool:
+        """Return whether the oldest step has its lag."""
+        return self._steps[-1].time - self._steps[0].time >= self._lag
 
     def _drop(self) -> None:
         self._steps.popleft()
