@@ -110,6 +110,7 @@ def test_another_noise_has_the_likelihood_of_its_own_pass(case):
     assert found[1] == pytest.approx(own.misfit, rel=1e-6)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_noise_that_is_taken_away_leaves_the_likelihood_of_a_filter():
     """Of a chain of integrators: to first order in the step, the rest of Q would be indefinite."""

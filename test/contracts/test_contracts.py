@@ -204,7 +204,7 @@ def test_a_linear_filter_refuses_what_is_not_linear(name, kind):
 
 @pytest.mark.parametrize(('name', 'kind'), SERVED)
 class TestFilter:
-    def run(self, name, kind, steps=80):
+    def run(self, name, kind, steps=50):
         system = wiring.system(name)
         model = system.build()
         built = scenario.build({'model': name})

@@ -34,8 +34,17 @@ def served(scenario):
 
 #: The scenarios whose single estimators take the longest.
 LONG = {'sound_tracker', 'robot_3d', 'inertial'}
+
+
+def how_often(name, kind):
+    """Return the marks of a case; the square root is that of the extended filter."""
+    if kind == 'square_root' and name != 'cart_pole':
+        return [pytest.mark.thorough]
+    return [pytest.mark.slow] if name in LONG else []
+
+
 CASES = [
-    pytest.param(name, kind, marks=[pytest.mark.slow] * (name in LONG))
+    pytest.param(name, kind, marks=how_often(name, kind))
     for name in SCENARIOS
     for kind in served(load(name))
 ]
