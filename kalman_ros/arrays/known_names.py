@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, NoReturn
 class KnownNames:
     """A result whose error for an unknown attribute names the right one, or lists all."""
 
-    #: What others call an attribute, and its name here.
+    #: Names that attributes have in other libraries, each with the attribute of this result.
     other_names: ClassVar[Mapping[str, str]] = {}
 
     if not TYPE_CHECKING:  # a type checker would take every name as known

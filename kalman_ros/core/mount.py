@@ -57,6 +57,11 @@ class Mounting(NamedTuple):
         """Whether the axes differ from those of the body and the world."""
         return any(self.rotation) or self.convention != 'enu' or self.heading != 0.0
 
+    def at(self, place: Sequence[float]) -> Mounting:
+        """Return the mounting of a sensor, whose readings are the input, at a ``place`` (3,)."""
+        x, y, z = map(float, place)
+        return self._replace(place=(x, y, z))
+
     @property
     def body_from_sensor(self) -> Array:
         """Rotation (3, 3) of vectors from the axes of the sensor to those of the body."""

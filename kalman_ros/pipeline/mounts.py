@@ -168,7 +168,7 @@ class Mounts:
         placement, signal = self._known(frame), self._scenario.input
         angles, reported = so3.to_euler(placement.rotation).tolist(), signal.mounting
         place = placement.translation.tolist()
-        mount = mounting(angles, reported.convention, frame, place)._replace(place=tuple(place))
+        mount = mounting(angles, reported.convention, frame, place).at(place)
         self._input = frame, placement
         return replace(signal, mounting=mount)
 

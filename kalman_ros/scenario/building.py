@@ -272,11 +272,10 @@ def _input(given: dict[str, Any], size: int) -> Signal:
     """Return the signal of the input, whose axes may be turned against the body's."""
     rotation, convention = given.pop('mount.rotation'), given.pop('convention')
     place, frame, from_tf = (given.pop(key) for key in ('mount.translation', 'frame', 'mount.tf'))
+    signal = _signal('input', given, size)
     try:
         mount = mounting(rotation, convention, frame, place, from_tf)
-        x, y, z = map(float, place)
-        mount = mount._replace(place=(x, y, z))
-        signal = replace(_signal('input', given, size), mounting=mount)
+        signal = replace(signal, mounting=mount.at(place))
         if any(place) and at_centre(signal) is None:
             listed = ', '.join(signal.fields) or 'none'
             raise ValueError(
@@ -284,8 +283,7 @@ def _input(given: dict[str, Any], size: int) -> Signal:
                 f'({listed})'
             )
     except ValueError as error:
-        why = str(error)
-        raise ValueError(why if why.startswith('input.') else f'input.{why}') from None
+        raise ValueError(f'input.{error}') from None
     return signal
 
 

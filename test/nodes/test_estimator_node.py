@@ -3,7 +3,11 @@
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import TwistWithCovarianceStamped, WrenchStamped
+from geometry_msgs.msg import (
+    PoseWithCovarianceStamped,
+    TwistWithCovarianceStamped,
+    WrenchStamped,
+)
 from nav_msgs.msg import Odometry
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
@@ -290,3 +294,26 @@ def test_smoothed_estimates_have_the_states_of_the_model_alone(pair):
 def test_what_cannot_be_smoothed_is_refused_at_the_start(pair):
     with pytest.raises(ValueError, match='fixed_lag: expected the beliefs of one of'):
         pair(EstimatorNode, fixed_lag='1.0', filter='luenberger')
+
+
+def test_of_the_beliefs_that_wait_the_last_one_counts(pair, monkeypatch):
+    """One that is refused hides no good one before it."""
+    found = pair(EstimatorNode, rest_until_input='false')
+    node, poses = found.node, found.publisher(PoseWithCovarianceStamped, '/estimator/set_pose')
+    means, reset = [], node._fuser.reset
+
+    def recorded(belief):
+        means.append(belief.mean[node.scenario.model.state.names.index('x')])
+        reset(belief)
+
+    monkeypatch.setattr(node._fuser, 'reset', recorded)
+    message = PoseWithCovarianceStamped()
+    message.pose.pose.orientation.w = 1.0
+    message.pose.covariance[:] = (0.01 * np.eye(6)).ravel()
+    for k in range(200):
+        message.header.frame_id = 'map' if k < 199 else 'elsewhere'
+        message.pose.pose.position.x = 0.01 * k
+        poses.publish(message)
+    found.until(lambda: means and means[-1] == pytest.approx(1.98), f'not the last: {means[-3:]}')
+    # those that wait are taken together, before any of them is in effect
+    assert len(means) < 150

@@ -21,7 +21,7 @@ SECOND, MILLISECOND = 1_000_000_000, 1_000_000
 
 
 def signal(fields=IMU, place=PLACE):
-    mount = mounting((0.0, 0.0, 0.0), 'enu', '', place)._replace(place=place)
+    mount = mounting((0.0, 0.0, 0.0), 'enu', '', place).at(place)
     return Signal('imu', 'sensor_msgs/Imu', fields, mounting=mount)
 
 

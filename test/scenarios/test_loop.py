@@ -328,3 +328,16 @@ def test_the_ring_of_bare_nodes_goes_round():
     """What `bench` measures the loop against."""
     with Ring() as ring:
         assert 0.0 < ring.rounds(50) < 1.0
+
+
+def test_an_input_off_the_centre_moves_the_body_as_one_at_it():
+    """The controller writes it at the place, and plant, estimator and recorder read it back."""
+    driven = []
+    for place in ([0.0, 0.0, 0.0], [0.3, -0.5, 0.2]):
+        with Run('inertial', {'input.mount.translation': place}) as run:
+            run.advance(1.5)
+            driven.append(run.trajectory())
+    centre, off = driven
+    np.testing.assert_allclose(off.truth, centre.truth, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(off.estimate, centre.estimate, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(off.input, centre.input, rtol=0.0, atol=1e-8)
