@@ -11,12 +11,13 @@ from kalman_ros.codecs.messages import decode as decoded
 from kalman_ros.codecs.wire import learn_layouts
 from kalman_ros.core import Gaussian
 from kalman_ros.core.named_options import nearest
+from kalman_ros.pipeline.frames import STATIC, TF, Frames
 from kalman_ros.pipeline.fuser import Fused, Fuser, Received
 from kalman_ros.pipeline.fusion import fusion
 from kalman_ros.pipeline.initial_pose import POSES, PoseReader
 from kalman_ros.pipeline.intake import Intake
 from kalman_ros.pipeline.lockstep_fuser import LockstepFuser
-from kalman_ros.pipeline.mounts import TOPIC, Mounts
+from kalman_ros.pipeline.mounts import Mounts
 from kalman_ros.pipeline.reading_reader import InputReader, SensorReader
 from kalman_ros.pipeline.settings import Settings
 from kalman_ros.pipeline.transforms import TYPE
@@ -85,7 +86,7 @@ class Feed:
         )
         self._intake = Intake(lambda _: None)
         self._intake.longest = settings.options.max_message_size
-        self._read_pose = PoseReader(scenario, settings.options.frame)
+        self._read_pose, self._frames = PoseReader(scenario, settings.options.frame), Frames()
         self._resolve = resolve
         #: Function that takes the messages of each topic, by its full name.
         self._take: dict[str, Callable[[bytes], object]] = {}
@@ -128,9 +129,9 @@ class Feed:
             readers.append(on_reading)
             self._take[topic] = partial(_call_all, readers)
         # without transforms, what is in the frame of the body is still used
-        if self._mounts.needed and TOPIC in bag.topics:
-            bag.check(TOPIC, full_type(TYPE), 'mount.tf')
-            self._take[TOPIC] = self._mounts.on_static
+        if self._mounts.needed and STATIC in bag.topics:
+            bag.check(STATIC, full_type(TYPE), 'mount.tf')
+            self._take[STATIC] = self._mounts.on_static
         if scenario.model.input.size:
             topic = resolve(scenario.input.topic)
             if topic in bag.topics or self.lockstep:
@@ -156,6 +157,16 @@ class Feed:
         for topic in map(resolve, POSES):
             if bag.topics.get(topic) == {pose}:
                 self._take[topic] = self._on_pose
+        if self._on_pose in self._take.values():
+            self._look_at_frames(bag)
+
+    def _look_at_frames(self, bag: Bag) -> None:
+        """Take the transforms, by which poses in other frames are transformed."""
+        for topic in (TF, STATIC):
+            if bag.topics.get(topic) != {full_type(TYPE)}:
+                continue
+            takers = [self._take[topic]] if topic in self._take else []
+            self._take[topic] = partial(_call_all, [*takers, self._frames.add])
 
     def _use(self, scenario: Scenario) -> None:
         """Continue with a sensor whose mounting is known now."""
@@ -214,7 +225,8 @@ class Feed:
 
     def _on_pose(self, data: bytes) -> None:
         try:
-            belief = self._read_pose(data, self.settings.scenario.believed.initial)
+            initial = self.settings.scenario.believed.initial
+            belief = self._read_pose(data, initial, self._frames)
         except ValueError as error:
             self.notes.append(f'initialpose: {error}')
             return

@@ -13,16 +13,34 @@ from kalman_ros.core import rotations as so3
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.body_roles import body_of
 
+from .frames import Frames, Placement
+
 #: The topics of poses: of RViz, and of users of robot_localization.
 POSES = 'initialpose', 'set_pose'
 #: The one of this estimator alone.
 OWN_POSE = '~/set_pose'
 _TYPE = 'geometry_msgs/PoseWithCovarianceStamped'
 _PLACE, _TURNS, _VECTOR = ('x', 'y', 'z'), ('roll', 'pitch', 'yaw'), ('rx', 'ry', 'rz')
+#: A smaller share of the largest variance is rounding.
+_ROUNDING = 1e-12
 _FIELDS = (
     *(f'pose.pose.position.{axis}' for axis in _PLACE),
     *(f'pose.pose.orientation.{turn}' for turn in _TURNS),
 )
+
+
+class ForeignFrameError(ValueError):
+    """A pose is in a frame whose place is not known.
+
+    Parameters
+    ----------
+    expected, frame
+        Frame of the estimates, and that of the pose.
+    """
+
+    def __init__(self, expected: str, frame: str) -> None:
+        super().__init__(f"expected frame '{expected}', or one with a transform, got '{frame}'")
+        self.frame = frame
 
 
 class PoseReader:
@@ -38,7 +56,7 @@ class PoseReader:
     scenario
         Scenario of the estimator.
     frame
-        Frame of its estimates; a pose in another one is refused, one without a frame is not.
+        Frame of its estimates; a pose without a frame is in it.
     """
 
     def __init__(self, scenario: Scenario, frame: str = '') -> None:
@@ -64,26 +82,36 @@ class PoseReader:
         self._read = WireReader(codec)
         self.message_type = codec.message_type
 
-    def __call__(self, data: bytes, initial: Gaussian) -> Gaussian:
+    def __call__(self, data: bytes, initial: Gaussian, frames: Frames | None = None) -> Gaussian:
         """Return the ``initial`` belief with the pose and its covariance.
+
+        A pose in another frame is transformed by what is known of ``frames``.
 
         Raises
         ------
+        ForeignFrameError
+            If the pose is in a frame whose place is not known.
         ValueError
-            If the state has no pose, or the pose is not finite, is in another frame, or its
-            covariance is not definite.
+            If the state has no pose, or the pose is not finite, or its covariance is not definite.
         """
+        with np.errstate(all='ignore'):  # of numbers that are refused
+            return self._belief(data, initial, frames)
+
+    def _belief(self, data: bytes, initial: Gaussian, frames: Frames | None) -> Gaussian:
         _, values, covariance = self._read(data)
         if not self._errors:
             raise ValueError('the state of this model has no pose')
+        assert covariance is not None
         given = leading_frame(data)
         if self._frame and given and given != self._frame:
-            raise ValueError(f"expected frame '{self._frame}', got '{given}'")
+            place = frames.placement(given, self._frame) if frames else None
+            if place is None:
+                raise ForeignFrameError(self._frame, given)
+            values, covariance = moved(values, covariance, place)
         if not is_finite(values[3:]) and max(self._errors) > 2:
             raise ValueError('orientation: expected a quaternion that is a rotation, not of zeros')
         if not is_finite(values[:3]):
             raise ValueError('expected finite numbers')
-        assert covariance is not None
         return self._put(values, covariance, initial)
 
     def _put(self, pose: Array, R: Array, initial: Gaussian) -> Gaussian:
@@ -106,3 +134,17 @@ class PoseReader:
             if role in self._index:
                 mean[self._index[role]] = pose[k]
         return Gaussian(mean, P)
+
+
+def moved(pose: Array, R: Array, place: Placement) -> tuple[Array, Array]:
+    """Return a pose, position and angles (6,), and its covariance (6, 6), in an outer frame.
+
+    ``place`` is that of its frame there. Errors are about the axes of a frame, so they turn with
+    it; angles that are not finite stay so.
+    """
+    turned = Placement(pose[:3], so3.from_euler(pose[3:]))
+    position, rotation = place.then(turned)
+    G = np.kron(np.eye(2), so3.exp(place.rotation))
+    covariance = G @ R @ G.T
+    covariance[np.abs(covariance) < _ROUNDING * R.max()] = 0.0  # what was unknown is not known now
+    return np.concatenate((position, so3.to_euler(rotation))), covariance

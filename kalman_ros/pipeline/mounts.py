@@ -3,96 +3,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
 
-import numpy as np
-
-from kalman_ros.codecs.transform_list import transforms_in
-from kalman_ros.core import Array, Signal, is_finite
+from kalman_ros.core import Signal
 from kalman_ros.core import rotations as so3
 from kalman_ros.core.mount import mounting
 from kalman_ros.scenario import Scenario, SensorSource
 from kalman_ros.scenario.building import placed
 
-TOPIC = '/tf_static'
-#: Largest number of frames that are kept.
-_MOST_FRAMES = 1_000
-#: A smaller change, in m or rad, is rounding.
-_SAME = 1e-9
-
-
-class Placement(NamedTuple):
-    """A frame in another: a translation (3,) and a rotation vector (3,)."""
-
-    translation: Array
-    rotation: Array
-
-    def then(self, inner: Placement) -> Placement:
-        """Return the placement of a frame that is placed in this one."""
-        moved = self.translation + so3.rotate(self.rotation, inner.translation)
-        return Placement(moved, so3.compose(self.rotation, inner.rotation))
-
-    def inverse(self) -> Placement:
-        """Return the placement of the other frame in this one."""
-        return Placement(-so3.rotate_back(self.rotation, self.translation), -self.rotation)
-
-    def differs_from(self, other: Placement) -> bool:
-        """Return whether the placements differ by more than rounding."""
-        turned = so3.compose(-other.rotation, self.rotation)
-        moved = self.translation - other.translation
-        return bool(np.abs((moved, turned)).max() > _SAME)
-
-
-_HERE = Placement(np.zeros(3), np.zeros(3))
-
-
-class StaticFrames:
-    """The placements of frames in their parents, and in each other."""
-
-    def __init__(self) -> None:
-        self._parents: dict[str, tuple[str, Placement]] = {}
-        #: Frames whose last transform cannot be used.
-        self.refused: set[str] = set()
-
-    def add(self, data: bytes) -> None:
-        """Add the transforms in a message, except any that is not finite or not a rotation.
-
-        Raises
-        ------
-        UndecodableError
-            If the bytes are not those of such a message.
-        """
-        for transform in transforms_in(data):
-            place, q = np.array(transform.translation), np.array(transform.quaternion)
-            known = transform.child in self._parents or len(self._parents) < _MOST_FRAMES
-            good = is_finite(place) and is_finite(q) and q.any()
-            if not good and len(self.refused) < _MOST_FRAMES:
-                self.refused.add(transform.child)
-            if known and good:
-                self.refused.discard(transform.child)
-                rotation = so3.from_quaternion(q / np.abs(q).max())
-                self._parents[transform.child] = transform.parent, Placement(place, rotation)
-
-    def placement(self, frame: str, base: str) -> Placement | None:
-        """Return the placement of ``frame`` in ``base``; None if no transforms connect them."""
-        above = dict(self._above(base))
-        for name, placement in self._above(frame):
-            if name in above:
-                return above[name].inverse().then(placement)
-        return None
-
-    def _above(self, frame: str) -> Iterator[tuple[str, Placement]]:
-        """Yield ``frame`` and each frame above it, with the placement of ``frame`` in it."""
-        placement, seen = _HERE, set()
-        while frame not in seen:
-            yield frame, placement
-            seen.add(frame)
-            if frame not in self._parents:
-                return
-            frame, place = self._parents[frame]
-            placement = place.then(placement)
+from .frames import STATIC, Frames, Placement
 
 
 class Mounts:
@@ -113,7 +33,7 @@ class Mounts:
 
     def __init__(self, scenario: Scenario, base: str, warn: Callable[[str], object]) -> None:
         self._scenario, self._base, self._warn = scenario, base, warn
-        self._frames = StaticFrames()
+        self._frames = Frames()
         #: Frame and placement of each sensor that is mounted.
         self._mounted: dict[str, tuple[str, Placement]] = {}
         #: Frame and placement of the input, if it is mounted.
@@ -179,10 +99,10 @@ class Mounts:
         placement = self._frames.placement(frame, self._base)
         if placement is None and frame in self._frames.refused:
             raise ValueError(
-                f"the transform of '{frame}' on {TOPIC} is not finite, or no rotation"
+                f"the transform of '{frame}' on {STATIC} is not finite, or no rotation"
             )
         if placement is None:
-            raise ValueError(f"no transform from '{self._base}' to '{frame}' on {TOPIC} yet")
+            raise ValueError(f"no transform from '{self._base}' to '{frame}' on {STATIC} yet")
         return placement
 
     def applied(self, scenario: Scenario) -> Scenario:

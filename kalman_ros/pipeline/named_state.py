@@ -27,7 +27,7 @@ class StateReader:
         self._space = scenario.believed.model.state
         self.message_type = message_type(TYPE)
 
-    def __call__(self, data: bytes, initial: Gaussian) -> Gaussian:
+    def __call__(self, data: bytes, initial: Gaussian, _: object = None) -> Gaussian:
         """Return the ``initial`` belief with these states and their variances.
 
         Raises

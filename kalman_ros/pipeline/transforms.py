@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections import deque
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.body_roles import body_of
 
 from .estimator_options import EstimatorOptions
+from .frames import Placement
 
 TYPE = 'tf2_msgs/TFMessage'
 _ODOMETRY = 'nav_msgs/Odometry'
@@ -29,29 +30,14 @@ _POSE = (
 _MOST = 1000
 
 
-class Pose(NamedTuple):
-    """A position (3,) and a rotation vector (3,)."""
-
-    position: Array
-    rotation: Array
-
-    def after_inverse(self, other: Pose) -> Pose:
-        """Return the pose of the frame of ``other`` in that of this pose, both of the same body.
-
-        With p = t + R q: R = R_1 R_2' and t = p_1 - R p_2.
-        """
-        r = so3.compose(self.rotation, -other.rotation)
-        return Pose(self.position - so3.rotate(r, other.position), r)
-
-
 class PoseHistory:
     """The last poses of an odometry, in the order of their stamps."""
 
     def __init__(self) -> None:
         self._times: deque[int] = deque(maxlen=_MOST)
-        self._poses: deque[Pose] = deque(maxlen=_MOST)
+        self._poses: deque[Placement] = deque(maxlen=_MOST)
 
-    def add(self, time: int, pose: Pose) -> None:
+    def add(self, time: int, pose: Placement) -> None:
         """Add a pose at ``time``, in nanoseconds; a clock that goes back empties the history."""
         if self._times and time < self._times[-1]:
             self._times.clear()
@@ -59,7 +45,7 @@ class PoseHistory:
         self._times.append(time)
         self._poses.append(pose)
 
-    def at(self, time: int, tolerance: float) -> Pose | None:
+    def at(self, time: int, tolerance: float) -> Placement | None:
         """Return the pose at ``time``, interpolated between two poses.
 
         Beyond the ends it is the pose at the end, if no further away than ``tolerance`` seconds.
@@ -75,8 +61,8 @@ class PoseHistory:
         start, end = self._times[index - 1], self._times[index]
         share = (time - start) / (end - start)
         turn = so3.compose(after.rotation, -before.rotation)
-        position = before.position + share * (after.position - before.position)
-        return Pose(position, so3.compose(share * turn, before.rotation))
+        place = before.translation + share * (after.translation - before.translation)
+        return Placement(place, so3.compose(share * turn, before.rotation))
 
 
 def check_frame(argument: str, name: str) -> None:
@@ -160,7 +146,7 @@ class TransformWriter:
         if time is None or not is_finite(values):
             return 'expected finite numbers'
         self._child = self.message.transforms[0].child_frame_id = frame
-        self._history.add(time, Pose(values[:3], values[3:]))
+        self._history.add(time, Placement(values[:3], values[3:]))
         return ''
 
     def __call__(self, time: int, x: Array) -> Any:
@@ -169,13 +155,14 @@ class TransformWriter:
         It is None without an odometry near that time, or where it would not be finite.
         """
         body, options = self._body, self._options
-        pose = Pose(np.array([body.value(x, axis) for axis in 'xyz']), body.attitude(x))
+        pose = Placement(np.array([body.value(x, axis) for axis in 'xyz']), body.attitude(x))
         if options.tf_odometry:
             other = self._history.at(time, options.tf_timeout)
             if other is None:
                 return None
-            pose = pose.after_inverse(other)
-        numbers = np.concatenate((pose.position, so3.to_quaternion(pose.rotation)))
+            # both are of the same body: that of one frame in the other one
+            pose = pose.then(other.inverse())
+        numbers = np.concatenate((pose.translation, so3.to_quaternion(pose.rotation)))
         if not is_finite(numbers):
             return None
         transform = self.message.transforms[0]

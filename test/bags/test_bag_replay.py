@@ -7,6 +7,7 @@ import sys
 
 import numpy as np
 import pytest
+from static_frames import message as transforms
 
 pytest.importorskip('rclpy')
 
@@ -324,6 +325,33 @@ def test_initialpose_is_a_reset(tmp_path):
     x = found.scenario.model.state.names.index('x')
     assert abs(found.beliefs.mean[0, x]) < 0.5
     assert found.beliefs.mean[1, x] == pytest.approx(5.0, abs=1e-3)
+
+
+@pytest.mark.parametrize('placed', [True, False])
+def test_initialpose_in_another_frame_takes_a_transform_of_the_recording(tmp_path, placed):
+    message = PoseWithCovarianceStamped()
+    message.header.frame_id = 'site'
+    message.pose.pose.position.x = 5.0
+    message.pose.covariance[:] = (1e-6 * np.eye(6)).ravel()
+    sensors = estimator_settings('mass_spring_damper_2d').scenario.sensors
+    source = sensors['position']
+    with RecordingWriter(tmp_path / 'a') as writer:
+        for name in ('position', 'velocity'):
+            writer.add(f'/{name}', sensors[name].signal.type.replace('/', '/msg/'))
+        writer.add('/initialpose', 'geometry_msgs/msg/PoseWithCovarianceStamped')
+        writer.add('/tf', 'tf2_msgs/msg/TFMessage')
+        y, R = np.array([1.0, 1.0]), 1e4 * np.eye(2)
+        writer.write('/position', START, wire(source.signal, START, y, R))
+        if placed:
+            there = ('map', 'site', (10.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+            writer.write('/tf', START + 10**6, transforms(there))
+        writer.write('/initialpose', START + 10**7, bytes(serialize_message(message)))
+        time = START + 2 * 10**7
+        writer.write('/position', time, wire(source.signal, time, y, R))
+    found = replay(tmp_path / 'a', 'mass_spring_damper_2d')
+    x = found.scenario.model.state.names.index('x')
+    assert found.beliefs.mean[1, x] == pytest.approx(15.0 if placed else 0.0, abs=0.5)
+    assert any("expected frame 'map'" in note for note in found.notes) != placed
 
 
 def test_the_name_at_the_front_door_is_the_same(tmp_path):

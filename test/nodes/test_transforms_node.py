@@ -3,8 +3,11 @@
 
 import importlib.util
 
+import numpy as np
 import pytest
+from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
+from static_frames import message as transforms
 
 from kalman_ros.codecs.messages import decode, write_stamp
 from kalman_ros.nodes.estimator.node import EstimatorNode
@@ -72,3 +75,66 @@ def test_the_transform_is_that_of_the_estimate_until_a_second_parent_shows_up(st
     count = publisher.count
     found.until(driven(lambda: found.node._publish.count > count + 20), 'no estimates')
     assert publisher.count == count
+
+
+def pose_in(frame):
+    found = PoseWithCovarianceStamped()
+    found.header.frame_id = frame
+    found.pose.pose.position.x, found.pose.pose.orientation.w = 5.0, 1.0
+    found.pose.covariance[:] = (1e-6 * np.eye(6)).ravel()
+    return found
+
+
+@pytest.mark.skipif(INSTALLED, reason='tf2_msgs is installed')
+def test_without_tf2_msgs_a_pose_in_another_frame_is_refused_in_one_line(started, capfd):
+    found = started()
+    found.publisher(PoseWithCovarianceStamped, 'initialpose').publish(pose_in('map'))
+    said = []
+
+    def refused():
+        said.append(capfd.readouterr().err)
+        return "expected frame 'odom'" in ''.join(said)
+
+    found.until(refused, 'no refusal')
+    (line,) = [line for line in ''.join(said).splitlines() if 'initialpose' in line]
+    assert "or one with a transform, got 'map'; the message package 'tf2_msgs' is" in line
+
+
+@pytest.mark.skipif(not INSTALLED, reason='tf2_msgs is not installed')
+def test_a_pose_in_another_frame_waits_for_its_transform(started):
+    from tf2_msgs.msg import TFMessage
+
+    found = started()
+    poses = found.publisher(PoseWithCovarianceStamped, 'initialpose')
+    others = found.publisher(TFMessage, '/tf')
+    x = found.node.scenario.model.state.names.index('x')
+    before = found.node.count_subscribers('/tf')
+    poses.publish(pose_in('map'))
+    found.until(lambda: found.node.count_subscribers('/tf') > before, 'no search')
+
+    def placed():
+        others.publish(transforms(('map', 'odom', (2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))))
+        return found.node._online.belief.mean[x] == pytest.approx(3.0)
+
+    found.until(placed, 'no reset')
+    found.until(lambda: found.node.count_subscribers('/tf') == before, 'the search goes on')
+    # of two poses the later one counts, and a search that finds nothing ends
+    poses.publish(pose_in('nowhere'))
+    found.until(lambda: found.node.count_subscribers('/tf') > before, 'no search')
+    poses.publish(pose_in('odom'))
+    found.until(lambda: found.node._online.belief.mean[x] == pytest.approx(5.0), 'no reset')
+    found.until(lambda: found.node.count_subscribers('/tf') == before, 'the search goes on')
+
+
+@pytest.mark.real_time
+@pytest.mark.skipif(not INSTALLED, reason='tf2_msgs is not installed')
+def test_a_pose_in_a_frame_without_a_transform_is_refused_in_time(started, capfd):
+    found = started()
+    found.publisher(PoseWithCovarianceStamped, 'initialpose').publish(pose_in('nowhere'))
+    said = []
+
+    def refused():
+        said.append(capfd.readouterr().err)
+        return "got 'nowhere'" in ''.join(said)
+
+    found.until(refused, 'no refusal')

@@ -7,12 +7,15 @@ import pytest
 pytest.importorskip('rclpy')
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from rclpy.serialization import serialize_message
+from rclpy.serialization import deserialize_message, serialize_message
+from scipy.spatial.transform import Rotation
+from static_frames import message as transforms
 
 from kalman_ros import scenario
 from kalman_ros.core import Gaussian
 from kalman_ros.core import rotations as so3
-from kalman_ros.pipeline.initial_pose import PoseReader
+from kalman_ros.pipeline.frames import Frames, Placement
+from kalman_ros.pipeline.initial_pose import ForeignFrameError, PoseReader, moved
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import from_file
 
@@ -116,9 +119,86 @@ def test_a_pose_of_rviz_turns_a_rotation_and_leaves_height_and_tilt(model):
     assert variances[2] == before.covariance[2, 2]
 
 
-def test_a_pose_in_another_frame_is_refused():
+def test_a_pose_in_a_frame_without_a_transform_is_refused():
     found = scenario.build({'model': 'mass_spring_damper_2d'})
-    with pytest.raises(ValueError, match="expected frame 'map', got 'odom'"):
-        PoseReader(found, 'map')(rviz(0.0, 0.0, 0.0, 'odom'), found.initial_belief)
+    for known in (None, Frames(), frames(('world', 'map', (0.0,) * 6 + (1.0,)))):
+        with pytest.raises(ForeignFrameError, match="expected frame 'map', or .*, got 'odom'"):
+            PoseReader(found, 'map')(rviz(0.0, 0.0, 0.0, 'odom'), found.initial_belief, known)
     PoseReader(found, 'map')(rviz(0.0, 0.0, 0.0, '/map'), found.initial_belief)
     PoseReader(found, 'map')(rviz(0.0, 0.0, 0.0, ''), found.initial_belief)
+
+
+def frames(*placed):
+    found = Frames()
+    found.add(transforms(*placed))
+    return found
+
+
+def test_a_pose_in_another_frame_is_transformed_with_its_covariance():
+    """The map lies a quarter turn from the odometry: its x is y there, and variances follow."""
+    found = scenario.build(from_file(shipped.file('robot_2d'), 'estimator'))
+    indices = found.model.state.indices(('x', 'y', 'yaw'))
+    turn = (0.0, 0.0, 0.5**0.5, 0.5**0.5)
+    message = rviz(3.0, -4.0, 0.5, 'map')
+    pose = deserialize_message(message, PoseWithCovarianceStamped)
+    pose.pose.covariance[0], pose.pose.covariance[7] = 0.5, 0.1
+    data = bytes(serialize_message(pose))
+    known = frames(('odom', 'map', (10.0, 20.0, 0.0, *turn)))
+    belief = PoseReader(found, 'odom')(data, found.initial_belief, known)
+    expected = [10.0 + 4.0, 20.0 + 3.0, 0.5 + np.pi / 2]
+    np.testing.assert_allclose(belief.mean[indices], expected, rtol=1e-12)
+    np.testing.assert_allclose(
+        belief.covariance[np.ix_(indices, indices)], np.diag([0.1, 0.5, 0.0685]), atol=1e-12
+    )
+    # the odometry as a child of the map, as an estimator with tf_odometry publishes it
+    inverse = (-20.0, 10.0, 0.0, 0.0, 0.0, -(0.5**0.5), 0.5**0.5)
+    other = PoseReader(found, 'odom')(data, found.initial_belief, frames(('map', 'odom', inverse)))
+    np.testing.assert_allclose(other.mean, belief.mean, rtol=1e-12)
+
+
+def test_errors_of_a_pose_turn_with_its_frame():
+    """Noisy poses, each transformed by itself, scatter as the transformed covariance says."""
+    rng = np.random.default_rng(2)
+    place = Placement(np.array([1.0, 2.0, 3.0]), np.array([0.4, -0.9, 1.3]))
+    root = 1e-3 * rng.normal(size=(6, 6))
+    pose, turn = np.array([4.0, 5.0, 6.0, 0.3, -0.2, 2.0]), Rotation.from_rotvec(place.rotation)
+    there, C = moved(pose, root @ root.T, place)
+    attitude = Rotation.from_euler('xyz', pose[3:])
+    np.testing.assert_allclose(there[:3], turn.apply(pose[:3]) + place.translation)
+    np.testing.assert_allclose(
+        Rotation.from_euler('xyz', there[3:]).as_matrix(),
+        (turn * attitude).as_matrix(),
+        atol=1e-12,
+    )
+    G, step = np.zeros((6, 6)), 1e-6
+    for k, error in enumerate(step * np.eye(6)):
+        noisy = Rotation.from_rotvec(error[3:]) * attitude
+        other, _ = moved(np.r_[pose[:3] + error[:3], noisy.as_euler('xyz')], 0.0 * C, place)
+        turned = Rotation.from_euler('xyz', other[3:]) * (turn * attitude).inv()
+        G[:, k] = np.r_[other[:3] - there[:3], turned.as_rotvec()] / step
+    np.testing.assert_allclose(C, G @ root @ root.T @ G.T, atol=1e-11)
+
+
+def test_what_a_pose_of_rviz_gives_no_variance_stays_unknown_in_another_frame():
+    found = scenario.build(from_file(shipped.file('robot_3d'), 'estimator'))
+    turn = Rotation.from_euler('z', 0.7).as_quat()
+    known = frames(('odom', 'map', (1.0, 2.0, 30.0, *turn)))
+    before = found.initial_belief
+    belief = PoseReader(found, 'odom')(rviz(3.0, -4.0, 2.0), before, known)
+    space = found.model.state
+    assert belief.mean[2] == before.mean[2]
+    assert belief.covariance[2, 2] == before.covariance[2, 2]
+    attitude = so3.to_euler(belief.mean[space.indices(('rx', 'ry', 'rz'))])
+    np.testing.assert_allclose(attitude, [0.0, 0.0, 2.7], atol=1e-12)
+
+
+@pytest.mark.parametrize('x', [np.nan, np.inf, 1e300])
+def test_a_pose_that_is_not_finite_is_refused_in_another_frame_too(x):
+    found = scenario.build(from_file(shipped.file('robot_2d'), 'estimator'))
+    known = frames(('odom', 'map', (1e153, 1e153, 0.0, 0.0, 0.0, 1.0, 1.0)))
+    try:
+        belief = PoseReader(found, 'odom')(rviz(x, 1e153, 2.0), found.initial_belief, known)
+    except ValueError as error:
+        assert 'expected finite numbers' in str(error)
+    else:
+        assert np.isfinite(belief.mean).all() and np.isfinite(x)

@@ -14,7 +14,8 @@ from sensor_msgs.msg import Imu
 from kalman_ros.codecs.messages import write_stamp
 from kalman_ros.core import rotations as so3
 from kalman_ros.estimators.outcome import Outcome
-from kalman_ros.pipeline.mounts import Mounts, StaticFrames
+from kalman_ros.pipeline.frames import Frames
+from kalman_ros.pipeline.mounts import Mounts
 from kalman_ros.pipeline.reading_reader import InputReader, SensorReader, UnusableInputError
 from kalman_ros.pipeline.settings import settings
 
@@ -35,7 +36,7 @@ CHAIN = (
 
 
 def frames(*transforms):
-    found = StaticFrames()
+    found = Frames()
     for each in transforms:
         found.add(message(each))
     return found

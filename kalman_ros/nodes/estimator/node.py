@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,17 +22,20 @@ from kalman_ros.nodes.middleware.topics import QUEUE, STATIC
 from kalman_ros.nodes.middleware.watcher import waiting
 from kalman_ros.pipeline import transforms
 from kalman_ros.pipeline.estimator_options import EstimatorOptions
+from kalman_ros.pipeline.frames import STATIC as TF_STATIC
+from kalman_ros.pipeline.frames import Frames
 from kalman_ros.pipeline.fuser import Fused, Fuser
 from kalman_ros.pipeline.fusion import check_start, fusion
 from kalman_ros.pipeline.global_topics import uses_fixes
-from kalman_ros.pipeline.initial_pose import OWN_POSE, POSES, PoseReader
-from kalman_ros.pipeline.mounts import TOPIC, Mounts
+from kalman_ros.pipeline.initial_pose import OWN_POSE, POSES, ForeignFrameError, PoseReader
+from kalman_ros.pipeline.mounts import Mounts
 from kalman_ros.pipeline.named_state import StateReader
 from kalman_ros.pipeline.settings import Settings, estimator_extra
 from kalman_ros.scenario import Scenario
 
 from .changeover import Changeover
 from .channel import InputChannel, SensorChannel
+from .frame_finder import FrameFinder
 from .geographic import GeographicServer, service_type
 from .health import Health
 from .intake import LockstepIntake, RealTimeIntake
@@ -110,7 +114,9 @@ class EstimatorNode(runtime.ScenarioNode):
         if self._transforms is not None:
             self._transforms.subscribe()
         if self._static is not None:
-            self.create_subscription(self._static, TOPIC, self._on_static, STATIC, raw=True)
+            self.create_subscription(self._static, TF_STATIC, self._on_static, STATIC, raw=True)
+        self._finder = FrameFinder(self)
+        self.at_the_end(self._finder.stop)
         for topic in (*POSES, OWN_POSE):
             take = self._take_belief(topic, self._read_pose)
         self._take_belief('~/set_state', self._read_state)
@@ -169,13 +175,18 @@ class EstimatorNode(runtime.ScenarioNode):
         """Restart from the beliefs that a topic brings; return what takes a message of it."""
         name = topic.rpartition('/')[2]
 
-        def take(data: bytes) -> bool | None:
+        def take(data: bytes, frames: Frames | None = None) -> bool | None:
             try:
-                belief = read(data, self.scenario.believed.initial)
+                belief = read(data, self.scenario.believed.initial, frames)
                 check_start(replace(self._estimation, initial=belief), self.scenario)
+            except ForeignFrameError as error:
+                if frames is not None:
+                    return None
+                return self._look_for_frame(partial(take, data), f'{name}: {error}')
             except ValueError as error:
                 self._fuser.warn(f'{name}: {error}')
-                return None
+                return None if frames is None else False
+            self._finder.stop()  # of two that were sent the later one counts
             self._fuser.reset(belief)
             self.diagnostics.soon()
             self.get_logger().info(f'reset to {name}', throttle_duration_sec=1.0)
@@ -187,6 +198,17 @@ class EstimatorNode(runtime.ScenarioNode):
 
         found = self.create_subscription(read.message_type, topic, on_message, QUEUE, raw=True)
         return take
+
+    def _look_for_frame(self, take: Callable[[Frames], bool | None], refusal: str) -> bool:
+        """Have a pose taken once its frame is known; return whether that may come to be."""
+        lacking = transforms.why_none()
+        if lacking:
+            self._fuser.warn(f'{refusal}; {lacking}')
+            return False
+        self._finder.find(
+            lambda frames: take(frames) is not None, lambda: self._fuser.warn(refusal)
+        )
+        return True
 
     def _on_reset(self, _: Any, response: Any) -> Any:
         self._fuser.reset(self.scenario.believed.initial)
@@ -229,7 +251,7 @@ class EstimatorNode(runtime.ScenarioNode):
         self._changeover.when_compiled(found.pending)
 
     def _on_static(self, data: bytes) -> None:
-        self.intake(TOPIC, self._mounts.on_static, data)
+        self.intake(TF_STATIC, self._mounts.on_static, data)
 
     def report(self) -> Report:
         """Return the outcomes of the readings, and whether innovations scatter as expected."""

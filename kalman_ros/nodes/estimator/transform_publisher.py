@@ -9,21 +9,18 @@ from collections.abc import Mapping
 from time import monotonic
 from typing import Any
 
-from rclpy.qos import QoSProfile
-
 from kalman_ros.codecs.messages import STAMP, UndecodableError, decode, frame_and_end
 from kalman_ros.core import Gaussian
 from kalman_ros.nodes.middleware.diagnostics import Level, Report
 from kalman_ros.nodes.middleware.host import Host
-from kalman_ros.nodes.middleware.topics import QUEUE, STATIC
+from kalman_ros.nodes.middleware.topics import QUEUE, STATIC, TRANSFORMS
 from kalman_ros.pipeline.estimator_options import EstimatorOptions
+from kalman_ros.pipeline.frames import STATIC as TF_STATIC
+from kalman_ros.pipeline.frames import TF
 from kalman_ros.pipeline.throttle import Throttle
 from kalman_ros.pipeline.transforms import TransformTree, TransformWriter
 from kalman_ros.scenario import Scenario
 
-_TF, _STATIC = '/tf', '/tf_static'
-#: As tf2 has them.
-_QUEUE = QoSProfile(depth=100)
 #: Of the messages of one length, as one node sends them, at most one in this time is read, in
 #: nanoseconds: a parent is named again and again.
 _SAMPLED = 20_000_000
@@ -60,7 +57,7 @@ class TransformPublisher:
         self._write = TransformWriter(scenario, options)
         self._tree = TransformTree()
         self._warn = Throttle(node.get_logger().warning, 10.0)
-        self._publisher = node.create_publisher(self._write.message_type, _TF, _QUEUE)
+        self._publisher = node.create_publisher(self._write.message_type, TF, TRANSFORMS)
         #: When the next message of a length is read, in nanoseconds.
         self._due: dict[int, int] = {}
         #: Stamps of the last transforms, as bytes, that have not come back yet.
@@ -74,8 +71,8 @@ class TransformPublisher:
     def subscribe(self) -> None:
         """Subscribe to the transforms of others, and to the odometry."""
         node, kind = self._node, self._write.message_type
-        node.create_subscription(kind, _TF, self._on_tf, _QUEUE, raw=True)
-        node.create_subscription(kind, _STATIC, self._on_static, STATIC, raw=True)
+        node.create_subscription(kind, TF, self._on_tf, TRANSFORMS, raw=True)
+        node.create_subscription(kind, TF_STATIC, self._on_static, STATIC, raw=True)
         topic = self._options.tf_odometry
         if topic:
             kind = self._write.odometry_type
@@ -152,7 +149,7 @@ class TransformPublisher:
         self._take(data, static=True)
 
     def _take(self, data: bytes, *, static: bool) -> None:
-        topic = _STATIC if static else _TF
+        topic = TF_STATIC if static else TF
         message = self._node.intake(topic, self._decoded, data)
         own = self._options.frame, self._write.child
         for each in () if message is None else message.transforms:

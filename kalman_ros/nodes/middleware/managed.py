@@ -102,12 +102,12 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
     def create_subscription(self, *arguments: Any, **options: Any) -> Any:
         """Create a subscription for the state that is being entered."""
         created = super().create_subscription(*arguments, **options)
-        return self._until_the_end(created, self.destroy_subscription, _mute)
+        return self._until_the_end(created, self.destroy_subscription, mute)
 
     def create_timer(self, *arguments: Any, **options: Any) -> Any:
         """Create a timer for the state that is being entered."""
         created = super().create_timer(*arguments, **options)
-        return self._until_the_end(created, self.destroy_timer, _mute)
+        return self._until_the_end(created, self.destroy_timer, mute)
 
     def create_service(self, *arguments: Any, **options: Any) -> Any:
         """Create a service for the state that is being entered."""
@@ -204,7 +204,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
         self.phase = phase
 
 
-def _mute(entity: Any) -> None:
+def mute(entity: Any) -> None:
     """Suppress callbacks that an executor had queued when the entity was destroyed."""
     entity.callback = _do_nothing
 

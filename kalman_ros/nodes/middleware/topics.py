@@ -35,6 +35,9 @@ HISTORY = QoSProfile(depth=1000)
 #: For what is published once: later subscribers receive it, too.
 KEPT = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
+#: For ``/tf``, as tf2 has it.
+TRANSFORMS = QoSProfile(depth=100)
+
 #: For ``/tf_static``, as tf2 has it: each node that places frames has published once.
 STATIC = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
