@@ -8,7 +8,7 @@ from typing import Any
 
 from kalman_ros.codecs.messages import message_type
 from kalman_ros.nodes.middleware.host import Host
-from kalman_ros.nodes.middleware.managed import mute
+from kalman_ros.nodes.middleware.managed import mute, reason
 from kalman_ros.nodes.middleware.topics import STATIC, TRANSFORMS
 from kalman_ros.pipeline.frames import STATIC as TF_STATIC
 from kalman_ros.pipeline.frames import TF, Frames
@@ -35,10 +35,11 @@ class FrameFinder:
         self._frames = Frames()
         self._then: Callable[[Frames], object] = id
 
-    def find(self, then: Callable[[Frames], object], otherwise: Callable[[], object]) -> None:
+    def find(self, then: Callable[[Frames], object], otherwise: Callable[[], object]) -> str:
         """Call ``then`` with what is known of frames after each message until it returns true.
 
-        Where it does not within 2 s, call ``otherwise``. An earlier search ends.
+        Where it does not within 2 s, call ``otherwise``. An earlier search ends. Returns why there
+        can be no search, as where SROS 2 does not allow it, '' if there is one.
 
         Raises
         ------
@@ -48,9 +49,16 @@ class FrameFinder:
         kind, node = message_type(TYPE), self._node
         self.stop()
         self._then, self._frames = then, Frames()
-        for topic, queue in ((TF_STATIC, STATIC), (TF, TRANSFORMS)):
-            found = node.create_subscription(kind, topic, self._on_tf, queue, raw=True)
-            self._entities.append((node.destroy_subscription, found))
+        try:
+            for topic, queue in ((TF_STATIC, STATIC), (TF, TRANSFORMS)):
+                found = node.create_subscription(kind, topic, self._on_tf, queue, raw=True)
+                self._entities.append((node.destroy_subscription, found))
+        except Exception as error:
+            self.stop()
+            why = reason(error)
+            if not why:
+                raise
+            return why
 
         def end() -> None:
             self.stop()
@@ -58,6 +66,7 @@ class FrameFinder:
 
         timer = node.create_timer(_PATIENCE, end, clock=node.steady)
         self._entities.append((node.destroy_timer, timer))
+        return ''
 
     def stop(self) -> None:
         """End the search."""

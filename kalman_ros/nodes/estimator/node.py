@@ -201,14 +201,12 @@ class EstimatorNode(runtime.ScenarioNode):
 
     def _look_for_frame(self, take: Callable[[Frames], bool | None], refusal: str) -> bool:
         """Have a pose taken once its frame is known; return whether that may come to be."""
-        lacking = transforms.why_none()
-        if lacking:
-            self._fuser.warn(f'{refusal}; {lacking}')
-            return False
-        self._finder.find(
+        lacking = transforms.why_none() or self._finder.find(
             lambda frames: take(frames) is not None, lambda: self._fuser.warn(refusal)
         )
-        return True
+        if lacking:
+            self._fuser.warn(f'{refusal}; {lacking}')
+        return not lacking
 
     def _on_reset(self, _: Any, response: Any) -> Any:
         self._fuser.reset(self.scenario.believed.initial)
