@@ -51,6 +51,14 @@ def pytest_configure(config):
         settings.load_profile('quick' if config.option.fast else 'fixed' if decides else 'fresh')
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_cmdline_main(config):
+    """Use all processors under colcon, whose users give pytest no arguments."""
+    worker = hasattr(config, 'workerinput')
+    if 'COLCON' in os.environ and not worker and getattr(config.option, 'numprocesses', 0) is None:
+        config.option.numprocesses = 'auto'
+
+
 def refuse_process(event, _):
     """Fail where a process is started."""
     if event in STARTS:
