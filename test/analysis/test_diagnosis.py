@@ -88,6 +88,7 @@ def test_a_reading_of_something_else_is_unrelated(scenario):
     assert first.change == {f'{case.subject}.enabled': False}
 
 
+@pytest.mark.thorough
 def test_two_faults_are_both_found():
     both = FAULTS['outliers'] + FAULTS['clock offset']
     kinds = [finding.kind for finding in found_in(both)]

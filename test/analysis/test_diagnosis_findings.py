@@ -76,6 +76,7 @@ def test_losses_are_bursts_where_more_than_twice_as_many_are_in_a_row_as_by_chan
     assert gaps(evidence, received) == kinds
 
 
+@pytest.mark.slow
 def test_a_factor_of_noise_that_no_peak_shows_is_known_within_some_bounds(evidence):
     """Where the likelihood only grows, with the noise as large as any that is tried."""
     believed = evidence.adopting({'position.noise': [1e-5], 'model_parameters.force_noise': 10.0})

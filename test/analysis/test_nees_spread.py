@@ -49,6 +49,7 @@ def test_a_filter_that_is_wrong_about_itself_fails(scale, passes):
     assert ('NEES / 5' not in failed(built, wrong)) is passes
 
 
+@pytest.mark.slow
 def test_a_covariance_of_zero_fails():
     built = scenario.build({'model': 'turn_rate'})
     run = closed_loop.run(built, None, 4.0, 1)
@@ -56,6 +57,7 @@ def test_a_covariance_of_zero_fails():
         assert 'NEES / 5' in failed(built, replace(run, covariance=0.0 * run.covariance))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', ['cart_pole', 'turn_rate', 'level'])
 def test_runs_too_short_to_judge_are_refused(name):
     built = scenario.build({'model': name})
@@ -117,6 +119,7 @@ def test_the_demo_of_the_bearing_tracker_shows_the_convergence():
     assert np.abs(run.input).max() < 0.05  # what a ship can do, in m/s^2
 
 
+@pytest.mark.slow
 def test_a_run_in_real_time_with_an_estimate_per_reading_is_judged_as_one_per_step():
     built = scenario.build({'model': 'level'})
     run = closed_loop.run(built, None, 40.0, 1)

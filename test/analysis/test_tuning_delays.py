@@ -12,6 +12,7 @@ from kalman_ros.analysis.tuning.fit import fit
 ROBOT = replace(COVERED[2], seconds=8.0, starts={})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('delay', 'true', 'at'),
     [

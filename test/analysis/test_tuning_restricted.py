@@ -76,6 +76,7 @@ def test_the_power_of_noise_is_that_of_its_variance():
     assert found == pytest.approx(expected, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_points_expanded_in_one_pass_are_as_each_alone():
     case = replace(COVERED[1], seconds=2.0)
     found = likelihood(case, recorded(case, 4))

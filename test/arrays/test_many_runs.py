@@ -92,6 +92,7 @@ def test_what_is_refused(options, says):
     assert str(refused.value).startswith(says)
 
 
+@pytest.mark.slow
 def test_the_faults_of_a_file_are_those_of_its_plant(tmp_path):
     path = tmp_path / 'faulty.yaml'
     path.write_text(

@@ -12,6 +12,7 @@ from kalman_ros.scenario.regulator import regulator
 from kalman_ros.simulation import closed_loop
 
 
+@pytest.mark.slow
 def test_a_run_is_that_of_the_closed_loop():
     run = kr.simulate('cart_pole', seconds=2, seed=1)
     scenario = kr.load('cart_pole')
@@ -62,6 +63,7 @@ def test_limits_hold():
     assert np.abs(same.input).max() <= 0.5
 
 
+@pytest.mark.slow
 def test_a_reference_in_time():
     run = kr.simulate(
         'mass_spring_damper', seconds=20, reference=lambda time: {'x': 1.0 if time >= 10 else 0.0}
@@ -70,6 +72,7 @@ def test_a_reference_in_time():
     assert run.truth[run.time > 17, 0].mean() > 0.7
 
 
+@pytest.mark.slow
 def test_a_plant_other_than_believed_comes_from_the_file(tmp_path):
     path = tmp_path / 'heavy.yaml'
     path.write_text(
@@ -84,6 +87,7 @@ def test_a_plant_other_than_believed_comes_from_the_file(tmp_path):
     assert kr.design(path).report.scenario.model.A.tolist() == same.scenario.model.A.tolist()
 
 
+@pytest.mark.slow
 def test_a_gain_of_ones_own():
     model = kr.load('cart_pole').model
     gain = kr.lqr(model, [5000, 0, 100, 0], 1, dt=0.01)

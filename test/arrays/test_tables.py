@@ -244,6 +244,7 @@ def test_two_sensors_with_one_output_need_the_name_of_the_sensor():
         kr.filter(MODEL, sensors, Table({'x': VALUES[:, 0]}, TIMES), initial=START)
 
 
+@pytest.mark.slow
 def test_with_pandas_itself():
     pandas = pytest.importorskip('pandas')
     index = pandas.date_range('2026-03-01 12:00', periods=20, freq='100ms', tz='Europe/Berlin')

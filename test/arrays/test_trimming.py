@@ -146,6 +146,7 @@ def test_what_is_no_point_is_refused_by_name(call: Any, reason: str) -> None:
         call()
 
 
+@pytest.mark.slow
 def test_a_scenario_of_such_a_model_is_simulated_about_its_rest() -> None:
     model = lifted(equilibrium={'thrust': 2.0 * GRAVITY})
     sensor = kr.sensor([1.0, 0.0], 0.01, 'height')

@@ -163,6 +163,7 @@ def test_no_more_than_what_overlaps_is_in_memory():
     assert len(list(stream)) == 975
 
 
+@pytest.mark.slow
 def test_a_response_that_was_received_first_is_not_before_its_cause():
     received = [(10, 5), (11, 9), (12, 7), (10**10, 10**10), (10**10 + 1, None)]
     stream = [Message(time, '/t', b'', published) for time, published in received]

@@ -99,6 +99,7 @@ def test_more_messages_than_a_small_file_can_have(tmp_path, monkeypatch):
         count(path)
 
 
+@pytest.mark.slow
 def test_a_hole_does_not_make_a_file_larger(tmp_path, monkeypatch):
     path = hostile.overlapping(tmp_path / 'a.mcap', 5, 5000)
     os.truncate(path, 10_000_000)

@@ -118,6 +118,7 @@ def test_in_the_plane_it_ends_where_its_readings_lead_without_the_slope(tmp_path
     assert np.linalg.norm(found.beliefs.mean[-1, :2] - level) < 0.01
 
 
+@pytest.mark.slow
 def test_its_readings_are_fewer_than_its_numbers():
     """The orientation is the integral of the rates, and two velocities are always zero."""
     _, v = recorded(ODOMETRY, 'nav_msgs/Odometry', *(f'twist.twist.linear.{a}' for a in 'xyz'))

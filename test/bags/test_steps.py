@@ -78,6 +78,7 @@ def test_a_whole_recording_needs_ticks_only_where_it_begins():
     assert sum(1 for _ in passed) == 10 * budget.MOST_WAITING
 
 
+@pytest.mark.slow
 def test_a_recording_without_ticks_does_not_fill_the_memory():
     with pytest.raises(ValueError, match='messages without a tick on /tick'):
         list(Steps(without_ticks(10 * budget.MOST_WAITING), '/tick'))

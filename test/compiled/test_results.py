@@ -164,6 +164,7 @@ def test_members_whose_formulas_differ_are_fitted_as_in_numpy(monkeypatch):
     assert 0.2 < fast < 0.8
 
 
+@pytest.mark.slow
 def test_the_environment_has_the_last_word(monkeypatch):
     monkeypatch.setenv(VARIABLE, 'numpy')
     assert estimates('cart_pole', arithmetic='compiled').arithmetic == 'numpy'
@@ -179,6 +180,7 @@ def test_an_unknown_arithmetic_is_refused(monkeypatch):
         kr.filter(built, None, [0.0], [[0.0, 0.0]], arithmetic='C')
 
 
+@pytest.mark.slow
 def test_without_casadi_numpy_computes_and_it_is_said_why(monkeypatch):
     monkeypatch.delenv(VARIABLE, raising=False)
     monkeypatch.setattr('kalman_ros.compiled.find_spec', lambda _: None)

@@ -139,6 +139,7 @@ def test_from_any_state_the_correction_is_finite():
         assert np.isfinite(control.correction(x, REST, np.zeros(1))).all(), power
 
 
+@pytest.mark.slow
 def test_it_costs_less_than_a_regulator_that_is_cut_off():
     rng = np.random.default_rng(2)
     for x in rng.uniform(-3.0, 3.0, (8, 2)):

@@ -96,6 +96,7 @@ def test_averages_scatter_as_predicted(loop):
         assert abs(averages.std() / expected.std - 1.0) < 0.08
 
 
+@pytest.mark.slow
 def test_a_fit_recovers_the_regulator(loop):
     loop, *_ = loop
     z = simulate(loop, 1, 20_000, np.random.default_rng(1))[:, 0]

@@ -61,6 +61,7 @@ def several(seed, dt):
     return state_space(F, G, dlqr(F, G, weights).gain, dt=dt)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('dt', [None, 0.2])
 @pytest.mark.parametrize('seed', first_fast(range(4), 2))
 def test_the_end_of_the_margin_is_where_stability_ends(seed, dt):
@@ -96,6 +97,7 @@ def test_the_peak_is_above_every_point_of_a_grid(seed):
         np.testing.assert_allclose(structured_bound(M.response(at)[0])[0], peak, rtol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('size', [2, 3])
 def test_the_bound_is_the_structured_singular_value(size):
     """From below mu is the largest |eigenvalue| of U M over diagonal unitary U."""

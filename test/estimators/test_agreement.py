@@ -91,6 +91,7 @@ def test_of_two_that_see_the_same_the_one_that_contradicts_stays_rejected(names)
     assert not Outcome.OUTVOTED.accepted
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('outliers', 'seconds'), [(0.0, 12.0), (0.1, 30.0)])
 def test_the_liar_may_be_fast_and_the_honest_sensor_slow(outliers, seconds):
     rates, offsets = {'good': 1.0, 'liar': 100.0}, {'liar': 50.0}
@@ -193,6 +194,7 @@ def test_of_many_landmarks_each_counts(seed):
     assert sum(counts[Outcome.RECOVERED] for counts in online.counts.values()) >= 1
 
 
+@pytest.mark.slow
 def test_late_readings_that_contradict_change_nothing():
     sensors = positions('good', 'liar', 'third')
     rates = {'good': 10.0, 'liar': 25.0, 'third': 5.0}

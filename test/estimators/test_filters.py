@@ -149,6 +149,7 @@ def test_native_equals_filterpy_on_a_nonlinear_system_with_angles(kind):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('kind', OF_ANY)
 def test_angles_that_turn_round_and_round_lose_nothing(kind):
     model, sensor = Unicycle(), Bearing()
@@ -243,6 +244,7 @@ def test_what_cannot_work_says_why(kind, values, options, says):
         build_filter(kind, plan, options)
 
 
+@pytest.mark.slow
 def test_an_unobservable_mode_that_grows_has_no_steady_state():
     space = Space(('a', 'b'), ('', ''))
     system = LinearSystem(np.diag([0.1, -1.0]), np.eye(2), np.eye(2), space, space)

@@ -80,6 +80,7 @@ def test_each_belief_is_that_of_the_batch_smoother(seed, lag):
             same(belief, smooth(steps[0][1], filtered[:count])[k])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', ['turn_rate', 'cart_pole', 'lidar_radar'])
 def test_nonlinear_filters_and_angles(name):
     scenario: Scenario = kr.load(name)
@@ -127,6 +128,7 @@ def test_a_lag_that_is_met_exactly_has_passed():
     assert [count - k for k, (_, _, count) in enumerate(found)] == [6] * 25
 
 
+@pytest.mark.slow
 def test_a_heading_that_goes_round():
     scenario = kr.load('turn_rate')
     heading = scenario.model.state.names.index(scenario.model.state.angles[0])
@@ -250,6 +252,7 @@ def attitude_steps(std, far=0.0, count=100):
     return steps_of(online, feed)
 
 
+@pytest.mark.slow
 def test_rotations_that_move_little():
     """The affine step leaves out what is of second order in them."""
     steps = attitude_steps(0.01)

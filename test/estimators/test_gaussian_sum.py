@@ -112,6 +112,7 @@ def test_what_may_lie_behind_the_sensor_is_divided_however_narrow_it_is():
     assert bearing().hypotheses(narrow._replace(mean=4 * PRIOR.mean), np.zeros(1), 8) is None
 
 
+@pytest.mark.slow
 def test_a_part_is_divided_again_for_a_sensor_that_it_is_close_to():
     """Belief and samples of it agree there; of one linearisation they do not."""
     filter = build_filter('gaussian_sum', scenario.build({'model': 'bearing_tracker'}).plan)

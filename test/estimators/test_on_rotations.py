@@ -157,6 +157,7 @@ class Walk(Tumbling):
         return np.zeros_like(x)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('kind', ['ekf', 'ukf'])
 def test_the_nees_of_a_rotation_walk_is_one(kind):
     runs, steps, dt, model = 400, 10, 0.2, Walk(0.3)

@@ -139,6 +139,7 @@ def test_the_share_is_the_mean_of_what_counts(k, soft, gate):
     assert found.limit == pytest.approx(chi2.ppf(min(soft, gate, 0.9999), k))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     'options',
     [thorough({'gate': 0.9}), {'soft_gate': 0.5}, {'gate': 0.95, 'soft_gate': 0.7}, thorough({})],
@@ -227,6 +228,7 @@ def test_late_readings_find_the_noise_of_their_time(kind):
     assert sum(in_order.counts['gnss'].values()) == 30
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('others', [False, True])
 def test_a_batch_weighs_each_member_as_alone(others):
     """Alone the receiver is believed after five readings; beside three others it is not."""
@@ -260,6 +262,7 @@ def test_a_batch_weighs_each_member_as_alone(others):
     assert expected | {Outcome.WEAKENED} <= outcomes
 
 
+@pytest.mark.slow
 def test_a_spike_moves_the_estimate_by_less_than_a_metre():
     """15 m off, at a standard deviation of 3 m."""
     scenario = load('gnss_imu', {**GNSS, 'gnss.soft_gate': 0.95})

@@ -127,6 +127,7 @@ def test_a_sum_along_a_loop_is_the_series():
 sizes = st.tuples(st.integers(1, 5), st.integers(1, 3), st.integers(0, 10**6))
 
 
+@pytest.mark.slow
 @given(sizes, st.floats(-10.0, 10.0), st.floats(-10.0, 10.0))
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 def test_a_filter_is_one_or_the_error_says_why(size, log_r, log_q):

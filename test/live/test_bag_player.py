@@ -113,6 +113,7 @@ def test_it_waits_for_a_viewer_and_plays_all_at_the_pace_of_the_recording(bag):
     assert screen.positions[-1].time == 2 * SECOND
 
 
+@pytest.mark.slow
 def test_a_viewer_pauses_seeks_and_hurries(bag):
     player, screen = BagPlayer(bag), Screen()
     screen.subscribed, screen.goes_on = {'/x'}, True

@@ -275,6 +275,7 @@ def test_the_death_of_a_node_is_not_an_answer(page):
         page.send('{"do": "reset"}')
 
 
+@pytest.mark.slow
 def test_ten_thousand_frames_are_answered_or_dropped(page):
     """Frames made of parts of right ones, values of all kinds, and noise."""
     chance = random.Random(1)

@@ -183,6 +183,7 @@ def test_a_tab_that_sends_too_much_is_closed(served):
     assert served.get()[0] == 200
 
 
+@pytest.mark.slow
 def test_a_tab_that_never_reads_loses_its_place(served, monkeypatch):
     monkeypatch.setattr(web_server, '_PATIENCE', 0.2)
     with socket.socket() as raw:

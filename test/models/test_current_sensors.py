@@ -2,6 +2,7 @@
 """A measurement matrix that can be inverted, and why a filter is worth it all the same."""
 
 import numpy as np
+import pytest
 
 from kalman_ros import scenario
 from kalman_ros.analysis import checks as verdicts
@@ -10,6 +11,7 @@ from kalman_ros.simulation import closed_loop
 C = np.array([[1.0, 1.0], [0.0, 1.0]])
 
 
+@pytest.mark.slow
 def test_inverting_the_sensors_is_right_but_noisy():
     built = scenario.build({'model': 'current_sensors'})
     theory = verdicts.theory(built)

@@ -71,6 +71,7 @@ def test_tracks_are_as_good_as_they_can_be():
     assert bound < 0.6
 
 
+@pytest.mark.slow
 def test_one_place_alone_does_not_tell_the_range():
     def spread(believed):
         P = closed_loop.run(believed, None, SECONDS, 0).covariance[-1, :2, :2]

@@ -96,6 +96,7 @@ def test_a_read_only_value_is_kept_and_no_other_taken(start):
         assert (refused.successful, 'read-only' in refused.reason) == (False, True)
 
 
+@pytest.mark.slow
 def test_an_empty_list_of_sensors_is_one(start, tmp_path):
     path = tmp_path / 'none.yaml'
     path.write_text('/**:\n  ros__parameters:\n    sensors: []\n')

@@ -150,6 +150,7 @@ def test_limits_of_the_start_are_set_aside_by_a_law_without_them(pair):
     assert list(node.get_parameter('state_limit.v_x').value) == [-1.0, 1.0]
 
 
+@pytest.mark.slow
 def test_a_law_without_the_limits_of_the_start_can_be_configured_again(pair):
     node = pair(ControllerNode, **{'law': 'mpc', 'state_limit.v_x': '[-1.0, 1.0]'}).node
     assert node.set_parameters_atomically([Parameter('law', value='lqr')]).successful

@@ -147,6 +147,7 @@ def test_a_fault_ends_as_resume_says(pair, resume, state):
     assert ask(node, 'enable', SetBool, data=True).success
 
 
+@pytest.mark.slow
 def test_without_its_heartbeat_the_input_goes_to_idle(pair):
     started = pair(ControllerNode, heartbeat_timeout=0.3)
     node = started.node
@@ -240,6 +241,7 @@ def test_a_trajectory_that_begins_later_begins_at_what_is_held(pair):
     assert len(reference.values) == 201
 
 
+@pytest.mark.slow
 def test_gains_that_are_ready_after_the_end_of_a_motion_do_not_start_it_again(pair):
     import numpy as np
 

@@ -67,6 +67,7 @@ def test_other_names_and_rates_are_found_and_noise_is_measured(tmp_path, capsys)
     assert 'No reading' not in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_sensor_without_a_topic_is_disabled(tmp_path):
     write(tmp_path / 'bag', 'mass_spring_damper_2d', {'position': '/position', 'velocity': '/v'})
     one = Bag(tmp_path / 'bag')

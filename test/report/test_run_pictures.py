@@ -54,6 +54,7 @@ def test_a_filter_that_claims_too_much_does_not_move_the_band_at_best(tracked, t
     )
 
 
+@pytest.mark.slow
 def test_the_axes_hold_truth_and_estimate(tracked, tmp_path):
     """An estimate 2 km off, with a band of its size, is inside its panel."""
     built, run = tracked

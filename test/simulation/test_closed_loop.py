@@ -21,6 +21,7 @@ def theory(system):
     return verdicts.theory(system)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('seed', mostly_thorough(range(3), 0))
 def test_a_right_loop_passes(system, theory, seed):
     run = closed_loop.run(system, theory.feedback.gain, 30.0, seed)

@@ -45,6 +45,7 @@ def differences(a, b):
             yield each.name, float((np.abs(x - y) / np.where(size, size, 1.0)).max(initial=0.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', NAMES)
 def test_runs_together_are_runs_one_by_one(name):
     experiment, seeds = experiment_of(name), spawned(3, 3)

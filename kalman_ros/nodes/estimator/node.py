@@ -199,14 +199,15 @@ class EstimatorNode(runtime.ScenarioNode):
         found = self.create_subscription(read.message_type, topic, on_message, QUEUE, raw=True)
         return take
 
-    def _look_for_frame(self, take: Callable[[Frames], bool | None], refusal: str) -> bool:
-        """Have a pose taken once its frame is known; return whether that may come to be."""
+    def _look_for_frame(self, take: Callable[[Frames], bool | None], refusal: str) -> bool | None:
+        """Have a pose taken once its frame is known; return true, or None if it is refused."""
         lacking = transforms.why_none() or self._finder.find(
             lambda frames: take(frames) is not None, lambda: self._fuser.warn(refusal)
         )
         if lacking:
             self._fuser.warn(f'{refusal}; {lacking}')
-        return not lacking
+            return None
+        return True
 
     def _on_reset(self, _: Any, response: Any) -> Any:
         self._fuser.reset(self.scenario.believed.initial)

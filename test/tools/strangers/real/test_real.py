@@ -89,6 +89,7 @@ def test_a_recording_as_it_is_is_replayed(system: str, tmp_path: Path) -> None:
         assert sensor.nis.mean() < 3.0, name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('name', 'sensor', 'delay'),
     [
@@ -113,6 +114,7 @@ def test_rounded_stamps_are_multiples_and_arrive_as_before() -> None:
     assert (faulty['position'].received == good['position'].received).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('name', 'sensor', 'columns', 'factor'),
     [
