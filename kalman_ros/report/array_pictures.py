@@ -12,6 +12,7 @@ import numpy as np
 from kalman_ros.core import Array, Space
 from kalman_ros.simulation.trajectory import Series
 
+from .mixture_parts import draw_parts, parts_of
 from .run_pictures import SIGMAS
 from .style import BOUND, ESTIMATE, READING, TRUTH, legend_below, picture
 
@@ -33,6 +34,8 @@ class Estimates(Protocol):
 def estimates(result: Any, truth: Array | None, path: Path | None) -> Any:
     """Draw every state with its band, its readings, and the truth (N, n) if it is known.
 
+    The band of a sum of Gaussians is pale beside those of its parts.
+
     Returns
     -------
     Axes (n, 1).
@@ -40,12 +43,16 @@ def estimates(result: Any, truth: Array | None, path: Path | None) -> Any:
     space, time = result.state, result.time
     if truth is not None and truth.reshape(len(time), -1).shape != result.mean.shape:
         raise ValueError(f'truth: expected shape {result.mean.shape}, got {truth.shape}')
+    parts = parts_of(result)
     with picture(path, space.size, 1, (8.0, 1.6 * space.size + 0.9)) as (figure, axes):
         for index, (name, axis) in enumerate(zip(space.names, axes[:, 0])):
             mean, band = result.mean[:, index], SIGMAS * result.std[:, index]
             _draw_readings(axis, result, name)
+            if parts is not None:
+                draw_parts(axis, time, parts, index)
             axis.fill_between(
-                time, mean - band, mean + band, color=BOUND, alpha=0.35, lw=0,
+                time, mean - band, mean + band, color=BOUND, lw=0,
+                alpha=0.35 if parts is None else 0.15,
                 label=f'{SIGMAS:g} sigma',
             )  # fmt: skip
             axis.plot(time, mean, color=ESTIMATE, lw=1.2, label=_label(result))

@@ -19,8 +19,10 @@ from std_srvs.srv import SetBool
 
 from kalman_ros.analysis.bounds import posterior_cramer_rao
 from kalman_ros.analysis.checks import Check
-from kalman_ros.core import Array, Signal
+from kalman_ros.core import Array, Gaussian, Signal
+from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.scenario import build
+from kalman_ros.scenario.estimation import estimation
 from kalman_ros.simulation.trajectory import Trajectory
 
 from . import Findings, between, close
@@ -98,6 +100,24 @@ def study(size: float = 1.0) -> Findings:
     return Findings(_checks(trajectory, tracks), lambda path: _draw(trajectory, tracks, path))
 
 
+def beliefs(run: Trajectory) -> list[Gaussian]:
+    """Return the belief of the estimator with one bearing after each step, with its parts.
+
+    Messages have the mean and the covariance alone; the same filter on the same readings and
+    inputs has the parts, too.
+    """
+    built = build(system(['bearing']))
+    found = estimation(built)
+    online = OnlineEstimator(found.filter, found.sensors, found.initial, np.zeros(2), found.policy)
+    after = []
+    for time, y, u in zip(run.time, run.readings['bearing'].values, run.input):
+        stamp = round(time * 1e9)
+        online.add_reading('bearing', stamp, y)
+        after.append(online.belief)
+        online.add_input(stamp, u)
+    return after
+
+
 def range_std(truth: Array, covariance: Array) -> Array:
     """Return the standard deviation (N,) along the line of sight."""
     sight = truth[:, :2] / np.linalg.norm(truth[:, :2], axis=1, keepdims=True)
@@ -128,10 +148,13 @@ def _checks(run: Trajectory, tracks: dict[str, Track]) -> list[Check]:
         off = np.linalg.norm(track.estimate[:, :2], axis=1) - distance
         worst = float(np.max(np.abs(off[1:]) / _ranges(run, track)[1:]))
         checks.append(between(f'{name}: largest error of range / sigma', '', 0.0, worst, SIGMAS))
+    means = np.array([belief.mean for belief in beliefs(run)])
+    apart = float(np.abs(means - one.estimate)[:, :2].max())
     gained = float(claimed['one'][before] / claimed['one'][last])
     still = float(claimed['one'][before] / claimed['two'][before])
     return [
         *checks,
+        between('its Gaussians: mean of their sum / published', 'm', 0.0, apart, 1e-3),
         between('the turn divides the sigma of range by', '', 5.0, gained, np.inf),
         between('the second bearing, without a turn, by', '', 5.0, still, np.inf),
     ]
@@ -151,9 +174,10 @@ def _own_path(run: Trajectory) -> Array:
 
 def _draw(run: Trajectory, tracks: dict[str, Track], path: Path) -> None:
     from kalman_ros.report.ellipse import outline
+    from kalman_ros.report.mixture_parts import draw_part_ellipses
     from kalman_ros.report.style import ESTIMATE, INPUT, READING, TRUTH, figure_with
 
-    own = _own_path(run)
+    own, parts = _own_path(run), beliefs(run)
     colours = {'one': ESTIMATE, 'two': INPUT}
     labels = {'one': 'one bearing', 'two': 'two bearings'}
     with figure_with(path, 1, 2, (9.0, 4.8), width_ratios=(0.55, 1.0)) as (_, ((map_, sigma),)):
@@ -164,6 +188,8 @@ def _draw(run: Trajectory, tracks: dict[str, Track], path: Path) -> None:
             angle = float(run.readings['bearing'].values[step, 0])
             reach = 1.6 * np.hypot(*run.truth[step, :2]) * np.array([np.cos(angle), np.sin(angle)])
             map_.plot(*np.stack((here, here + reach)).T / 1e3, color=READING, lw=0.6)
+            label = 'one bearing, its Gaussians' if step == 1 else None
+            draw_part_ellipses(map_, parts[step], 1e3, here, label)
             for name, track in tracks.items():
                 ellipse = outline(
                     here + track.estimate[step, :2], track.covariance[step, :2, :2], 2.0
