@@ -7,6 +7,7 @@ function what has polynomials or poles.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +16,8 @@ import numpy as np
 #: Attributes of a state-space system, and of a transfer function.
 _STATE_SPACE = (('A', 'B'),)
 _TRANSFER = (('num', 'den'), ('zeros', 'poles', 'gain'))
+#: Labels that nobody has chosen.
+_DEFAULT = re.compile(r'[a-z]+\[\d+\]')
 #: Attributes of other systems: a measured response, or python-control's nonlinear system.
 _OTHER = (('frdata',), ('ninputs',))
 
@@ -42,14 +45,20 @@ class ForeignSystem:
 
 
 def labels_of(value: Any) -> tuple[tuple[str, ...] | None, tuple[str, ...] | None]:
-    """Return the names of the states and inputs of a system of python-control; None without."""
+    """Return the names of the states and inputs of a system of python-control; None without.
+
+    What a name cannot have becomes an underscore: ``speed_m_s`` of 'speed m/s'.
+    """
     states, inputs = (
         tuple(getattr(value, f'{kind}_labels', None) or ()) for kind in ('state', 'input')
     )
 
     def given(labels: tuple[str, ...]) -> tuple[str, ...] | None:
-        # its own are x[0], x[1] and so on
-        return labels if labels and all(map(str.isidentifier, labels)) else None
+        if all(_DEFAULT.fullmatch(label) for label in labels):
+            return None
+        names = tuple(re.sub(r'\W+', '_', label).strip('_') for label in labels)
+        usable = all(map(str.isidentifier, names)) and len({*names}) == len(names)
+        return names if usable else None
 
     return given(states), given(inputs)
 

@@ -71,6 +71,15 @@ def test_names_of_a_system_are_kept():
     # those that python-control makes up are no names
     system.state_labels, system.input_labels = ['x[0]', 'x[1]'], ['u[0]']
     assert kr.continuous_model(system, W).state.names == ('x0', 'x1')
+    for labels, names in (
+        (['place', 'speed [m/s]'], ('place', 'speed_m_s')),
+        (['place', 'x[1]'], ('place', 'x_1')),
+        (['place', '2nd'], ('x0', 'x1')),
+        (['a b', 'a-b'], ('x0', 'x1')),
+        (['place', '-'], ('x0', 'x1')),
+    ):
+        system.state_labels = labels
+        assert kr.continuous_model(system, W).state.names == names
 
 
 @pytest.mark.parametrize(
