@@ -6,6 +6,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, ClassVar, NoReturn
 
+from kalman_ros.core.named_options import nearest
+
 
 class KnownNames:
     """A result whose error for an unknown attribute names the right one, or lists all."""
@@ -24,5 +26,6 @@ class KnownNames:
                 raise AttributeError(f"{kind.__name__} has no '{name}'; here it is {here}")
             known = {*dir(kind), *getattr(kind, '__dataclass_fields__', ())}
             known.discard('other_names')
-            listed = ', '.join(sorted(each for each in known if not each.startswith('_')))
-            raise AttributeError(f"{kind.__name__} has no '{name}'; it has {listed}")
+            public = sorted(each for each in known if not each.startswith('_'))
+            hint = nearest(name, public) or f'it has {", ".join(public)}'
+            raise AttributeError(f"{kind.__name__} has no '{name}'; {hint}")

@@ -116,6 +116,7 @@ HELPED = [
     (lambda: kr.lqe(A, [1, 0]), 'W: expected numbers, got nothing'),
     (lambda: kr.discretize(A, B), 'dt: expected a number of seconds, got nothing'),
     (lambda: GAIN.L, "StateFeedback has no 'L'; it has E, K, S, T, cost_to_go, dt, gain"),
+    (lambda: GAIN.margin, "StateFeedback has no 'margin'; did you mean 'margins'?"),
     (lambda: OBSERVER.K, "Observer has no 'K'; it has E, L, P, T, covariance, dt, gain"),
     (lambda: FOUND.x, "Estimates has no 'x'; here it is .mean"),
     (lambda: (lambda x, P: x)(*FOUND), 'take .mean (N, n) and .covariance (N, n, n)'),
