@@ -28,6 +28,9 @@ from kalman_ros.core import (
 
 from .foreign import is_foreign, labels_of, read_system
 
+#: A first belief that knows nothing.
+DIFFUSE = 'diffuse'
+
 
 def square(name: str, value: ArrayLike | None) -> Array:
     """Return a square matrix (n, n); a number is a matrix (1, 1)."""
@@ -227,6 +230,8 @@ def refuse_continuous(name: str, value: Any) -> None:
 def belief_of(initial: Any, model: Dynamics, name: str = 'initial') -> Gaussian:
     """Return a checked belief about the state of a model, from a pair or a Gaussian."""
     n = model.state.size
+    if isinstance(initial, str) and initial == DIFFUSE:
+        return Gaussian(model.equilibrium.state, np.diag(np.full(n, np.inf)))
     if isinstance(initial, (list, np.ndarray)) and len(initial) == 2 and np.size(initial[0]) == n:
         initial = tuple(initial)
     if not isinstance(initial, tuple) or len(initial) < 2:
@@ -238,7 +243,22 @@ def belief_of(initial: Any, model: Dynamics, name: str = 'initial') -> Gaussian:
     mean = by_name(f'{name} mean', mean, model.state)
     covariance = by_name(f'{name} covariance', covariance, model.state)
     mean = vector(f'{name} mean', np.ravel(numbers(f'{name} mean', mean)), n)
-    return Gaussian(mean, weight(f'{name} covariance', covariance, n))
+    return Gaussian(mean, _with_unknown(f'{name} covariance', covariance, n))
+
+
+def _with_unknown(name: str, covariance: Any, n: int) -> Array:
+    """Return a covariance (n, n), which may have infinite variances."""
+    array = numbers(name, covariance)
+    if not np.isinf(array).any():
+        return weight(name, array, n)
+    if array.shape == (n * n,):
+        array = array.reshape(n, n)
+    infinite = np.isposinf(array.diagonal() if array.ndim == 2 else array)
+    beside = infinite[:, np.newaxis] | infinite if array.ndim == 2 else infinite
+    P = weight(name, np.where(beside, np.eye(*array.shape) if array.ndim == 2 else 1.0, array), n)
+    unknown = np.flatnonzero(np.broadcast_to(infinite, n))
+    P[unknown, unknown] = np.inf
+    return P
 
 
 def by_name(what: str, value: Any, space: Space) -> Any:

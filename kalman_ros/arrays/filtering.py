@@ -61,7 +61,8 @@ def filter(
     initial
         The belief at the first time, before its readings: a `Gaussian`, or a pair of mean and
         covariance, which may be a number or a diagonal; a mapping or a table of pandas by the
-        names of the states.
+        names of the states. A state of which nothing is known has an infinite variance;
+        ``'diffuse'``: all of them.
     filter
         ``'kf'``, ``'ekf'``, ``'ukf'``, ``'square_root'``, ``'gaussian_sum'``,
         ``'steady_state'`` or ``'luenberger'``;

@@ -13,6 +13,7 @@ import numpy as np
 from kalman_ros.core import Array, Dynamics, Gaussian, Sensor, TimedSensor, Value
 from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.consistency import chi_square_gate
+from kalman_ros.estimators.diffuse import check_start
 from kalman_ros.estimators.filter import Correction
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.outcome import Outcome
@@ -94,6 +95,7 @@ class Pass:
                 task.model.periods((stamp - first) * 1e-9)
         self._shown = {stamp for each in rows.values() for stamp in each.stamps}
         self._filter = build_filter(task.filter, _plan(task, rows), options)
+        check_start(self._filter, task.initial, 'initial')
         before = np.zeros(task.model.input.size)
         limits = gate_limits(gates, known, owners)
         policy = Policy(window=0.0, max_gap=0.0, restart_after=0, gates=limits)

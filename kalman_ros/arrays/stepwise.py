@@ -7,11 +7,13 @@ The mathematics is that of `kalman_ros.estimators`; what stands here converts an
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isfinite
 from typing import Any
 
 import numpy as np
 
 from kalman_ros.core import Array, ArrayLike, Gaussian, Sensor
+from kalman_ros.estimators.diffuse import Diffuse, begun
 from kalman_ros.estimators.filter import Correction
 from kalman_ros.estimators.filters import ekf, kf, ukf
 
@@ -102,9 +104,11 @@ class _Checked:
 
     def _belief(self, given: Any) -> Gaussian:
         n = self.model.state.size
-        if type(given) is Gaussian and given.mean.shape == (n,):
+        if isinstance(given, Diffuse):
             return given
-        return belief_of(given, self.model, 'belief')
+        if type(given) is Gaussian and given.mean.shape == (n,):
+            return given if isfinite(given.covariance.trace()) else begun(given)
+        return begun(belief_of(given, self.model, 'belief'))
 
     def _input(self, u: ArrayLike | None) -> Array:
         if u is None:

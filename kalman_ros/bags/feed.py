@@ -11,6 +11,7 @@ from kalman_ros.codecs.messages import decode as decoded
 from kalman_ros.codecs.wire import learn_layouts
 from kalman_ros.core import Gaussian
 from kalman_ros.core.named_options import nearest
+from kalman_ros.estimators.diffuse import Diffuse
 from kalman_ros.pipeline.frames import STATIC, TF, Frames
 from kalman_ros.pipeline.fuser import Fused, Fuser, Received
 from kalman_ros.pipeline.fusion import fusion
@@ -247,7 +248,9 @@ class Feed:
     # --- the results --------------------------------------------------------------------------
 
     def publish(self, time: int, belief: Gaussian) -> None:
-        """Record the belief at ``time``, in nanoseconds."""
+        """Record the belief at ``time``, in nanoseconds, once it knows all states."""
+        if isinstance(belief, Diffuse):
+            return
         if self.start is None:
             self.start = time
         belief = self.settings.scenario.believed.own(belief)

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from kalman_ros.analysis.records import Beliefs
 from kalman_ros.core import Array, Gaussian, unchecked
+from kalman_ros.estimators.diffuse import Diffuse
 from kalman_ros.estimators.instants import Instants
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.smoother import Filtered, smoothed_back
@@ -36,6 +37,7 @@ class FinalBeliefs:
         n = len(online.belief.mean)
         self._rows = Rows(moment=(2,), mean=(n,), covariance=(n, n), input=(inputs,))
         self._instants = Instants()
+        self._unknown = False
         self._online = online
         online.on_final = self._take
 
@@ -44,8 +46,12 @@ class FinalBeliefs:
             self._keep(step)
 
     def _keep(self, step: Filtered) -> None:
+        if isinstance(step.belief, Diffuse):  # what is unknown has no place in a table
+            self._unknown = True
+            return
+        restarted, self._unknown = step.restarted or self._unknown, False
         # the bits of whole numbers: as a float, a time since 1970 loses nanoseconds
-        moment = np.array((step.time, step.restarted), dtype=np.int64)
+        moment = np.array((step.time, restarted), dtype=np.int64)
         self._rows.append(moment.view(np.float64), *step.belief, step.input)
 
     def smoothed(self, start: int, without_biases: Callable[[Gaussian], Gaussian]) -> Beliefs:

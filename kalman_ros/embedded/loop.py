@@ -157,6 +157,8 @@ def check_estimator(scenario: Scenario, found: Estimation) -> None:
             f'filter: expected kf, ekf, ukf, steady_state or luenberger for C, '
             f'got {scenario.filter}'
         )
+    if np.isinf(found.initial.covariance).any():
+        raise ValueError('initial_std: expected finite ones for C, got an infinite one')
     if model.is_discrete and not model.is_linear:
         raise ValueError(
             'model: expected one that is linear or in continuous time for C, got '

@@ -14,6 +14,7 @@ from kalman_ros.core import Array, Dynamics, Gaussian, Sensor, is_finite, unchec
 from kalman_ros.linear.factor import cholesky
 from kalman_ros.linear.kernels import kernels
 
+from .diffuse import Diffuse, settled, update
 from .plan import Plan
 
 
@@ -123,6 +124,8 @@ class Filter(ABC):
     fixed_gain: ClassVar[bool] = False
     #: Whether beliefs are sums of Gaussians, which have no leading axes.
     mixture: ClassVar[bool] = False
+    #: Whether the first belief may have infinite variances: see `diffuse`.
+    diffuse: ClassVar[bool] = False
 
     @classmethod
     def build(cls, plan: Plan) -> Filter:
@@ -183,10 +186,20 @@ class LinearUpdate(SmoothableFilter):
         k = kernels(x)
         H, R = k.ordered(sensor.jacobian(x), sensor.covariance)
         innovation = sensor.output.subtract(y, sensor.measure(x))
+        if isinstance(belief, Diffuse):
+            return self._begin(belief, innovation, H, R)
         K, S = k.gain(P, H, R)
         mean, covariance = k.corrected(x, K, innovation), k.joseph(K, H, P, R)
         moved = self.model.state.arrived(mean, x, covariance)
         return Correction(unchecked(moved), innovation, S, K, H)
+
+    def _begin(self, belief: Diffuse, innovation: Array, H: Array, R: Array) -> Correction:
+        """Return the correction of a belief that knows nothing of some states."""
+        found, x, space = update(belief, innovation, H, R), belief.mean, self.model.state
+        mean, known = space.arrived(x + found.change, x, found.known)
+        _, unknown = space.arrived(x + found.change, x, found.unknown)
+        after = settled(mean, known, unknown)
+        return Correction(after, found.innovation, found.covariance, found.gain, H)
 
 
 def committed(belief: Gaussian) -> tuple[Gaussian, int]:
@@ -197,6 +210,8 @@ def committed(belief: Gaussian) -> tuple[Gaussian, int]:
     numpy.linalg.LinAlgError
         If that is impossible.
     """
+    if isinstance(belief, Diffuse):
+        return belief, 0
     if not is_finite(belief.mean):
         raise np.linalg.LinAlgError('the estimate is not finite')
     if belief.factor is not None and is_finite(belief.factor):

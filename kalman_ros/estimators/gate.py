@@ -11,6 +11,7 @@ import numpy as np
 from kalman_ros.core import Array, Gaussian, Sensor
 
 from . import agreement
+from .diffuse import Diffuse
 from .filter import Correction, Filter
 from .outcome import Outcome
 from .policy import Policy
@@ -104,7 +105,7 @@ class Gate:
         records: agreement.Records,
     ) -> tuple[Outcome, tuple[Correction, agreement.Records] | None]:
         """Return how a reading that does not agree is refused, or the recovery of the belief."""
-        needed = self._needed
+        needed = 0 if isinstance(belief, Diffuse) else self._needed
         if not needed or sum(record.rejections for record in records) < needed:
             return Outcome.REJECTED, None
         seen = agreement.seen_states(self._sensors, belief)

@@ -23,6 +23,7 @@ from kalman_ros.core.discrete_model import MOST_PERIODS
 from kalman_ros.linear.single import is_definite
 
 from . import agreement
+from .diffuse import Diffuse, begun
 from .filter import Correction, Filter, committed
 from .gate import Gate
 from .outcome import Outcome
@@ -87,6 +88,7 @@ class OnlineEstimator:
 
     def reset(self, belief: Gaussian) -> None:
         """Drop all items; the belief holds at the next stamp received. Counts continue."""
+        belief = begun(belief)
         self._initial = belief
         self.finish()
         self.on_reset()
@@ -312,6 +314,7 @@ class OnlineEstimator:
         records = state.records
         try:
             first = state.time is None and self._policy.from_reading
+            first = first and not isinstance(belief, Diffuse)
             start = match_reading(belief, item.value, item.sensor) if first else belief
             item.outcome, item.correction, records = self._gate(
                 item.filter, start, item.value, item.sensor, (time, order), records

@@ -25,7 +25,12 @@ from kalman_ros.linear.factor import cholesky
 from kalman_ros.linear.matrices import identity
 
 from . import FILTERS, filter_class
+from .diffuse import Diffuse
 from .filter import SmoothableFilter
+
+#: Ratio of a variance that stands for an infinite one to the others. The error of the limit that
+#: it gives is about its inverse squared.
+_LARGE = 1e5
 
 
 @dataclass(frozen=True)
@@ -83,7 +88,8 @@ def smoothed_back(filter: object, steps: Iterable[Filtered]) -> Iterator[Gaussia
     later: Filtered | None = None
     smoothed: Gaussian | None = None
     for step in steps:
-        if later is None or smoothed is None or later.restarted:
+        alone = later is None or later.restarted or isinstance(smoothed, Diffuse)
+        if alone or later is None or smoothed is None:
             smoothed = step.belief
         else:
             back = step_back(filter, step, later.time)
@@ -115,12 +121,23 @@ def step_back(filter: SmoothableFilter, step: Filtered, until: int) -> StepBack:
     numpy.linalg.LinAlgError
         If the prediction has no positive definite covariance.
     """
-    P = step.belief.covariance
-    predicted, F, Q = filter.linearized(step.belief, step.input, (until - step.time) * 1e-9)
-    C = _gain(F @ P, predicted.covariance)
+    belief = step.belief
+    predicted, F, Q = filter.linearized(belief, step.input, (until - step.time) * 1e-9)
+    if isinstance(belief, Diffuse) and isinstance(predicted, Diffuse):
+        P, C = belief.known, _gain_in_the_limit(F, belief, predicted)
+    else:
+        P = belief.covariance
+        C = _gain(F @ P, predicted.covariance)
     I_CF = identity(len(P)) - C @ F
     R = k.sandwich(I_CF, P, k.sandwich(C, Q, np.zeros_like(P)))
     return StepBack(predicted.mean, C, symmetric(R))
+
+
+def _gain_in_the_limit(F: Array, before: Diffuse, after: Diffuse) -> Array:
+    """Return the limit of C for infinite variances, by extrapolation from two finite ones."""
+    c = _LARGE * (float(np.abs(after.known).max()) or 1.0) / float(np.abs(after.unknown).max())
+    near, far = (_gain(F @ before.at(s).covariance, after.at(s).covariance) for s in (c, 2 * c))
+    return 2.0 * far - near
 
 
 def _gain(FP: Array, P_p: Array) -> Array:

@@ -43,20 +43,25 @@ def check_real(name: str, value: Any, *, dates: bool = False) -> None:
         raise ValueError(f'{name}: expected real numbers, got {_UNREAL[kind]}')
 
 
-def _finite(name: str, value: ArrayLike) -> Array:
+def _finite(name: str, value: ArrayLike, *, unbounded: bool = False) -> Array:
     check_real(name, value)
     try:
         array = np.array(value, dtype=float)
     except (TypeError, ValueError):
         raise ValueError(f'{name}: expected numbers, got {value!r}') from None
-    if not np.all(np.isfinite(array)):
+    if not np.all(np.isfinite(array) | (np.isposinf(array) & unbounded)):
         raise ValueError(f'{name}: expected finite numbers, got {array.tolist()}')
     return array
 
 
-def vector(name: str, value: ArrayLike, size: int | None = None) -> Array:
-    """Return ``value`` as a finite vector (size,), or raise ValueError."""
-    array = _finite(name, value)
+def vector(
+    name: str, value: ArrayLike, size: int | None = None, *, unbounded: bool = False
+) -> Array:
+    """Return ``value`` as a finite vector (size,), or raise ValueError.
+
+    If it is ``unbounded``, numbers may be infinite, and positive.
+    """
+    array = _finite(name, value, unbounded=unbounded)
     if array.ndim != 1:
         raise ValueError(f'{name}: expected a vector, got an array of shape {array.shape}')
     if size is not None and array.size != size:
@@ -146,19 +151,22 @@ def semidefinite(name: str, value: ArrayLike, size: int, *, definite: bool = Fal
     return array
 
 
-def variances(name: str, deviations: ArrayLike, size: int, *, exact: bool = False) -> Array:
+def variances(
+    name: str, deviations: ArrayLike, size: int, *, exact: bool = False, unknown: bool = False
+) -> Array:
     """Return the diagonal covariance (size, size) of positive standard ``deviations``.
 
     A zero deviation is refused unless it may be ``exact``: no measurement is, but a robot may
-    know where it starts.
+    know where it starts. An infinite one is refused unless a state may be ``unknown``.
     """
-    sigma = vector(name, deviations, size)
+    sigma = vector(name, deviations, size, unbounded=unknown)
     if not np.all(sigma >= 0.0 if exact else sigma > 0.0):
         kind = 'zero or positive' if exact else 'positive'
         raise ValueError(f'{name}: expected {kind} standard deviations, got {sigma.tolist()}')
     with np.errstate(over='ignore', under='ignore'):
         squares = sigma**2
-    if not (np.isfinite(squares) & ((squares > 0.0) | (sigma == 0.0))).all():
+    sound = np.isfinite(squares) | np.isinf(sigma)
+    if not (sound & ((squares > 0.0) | (sigma == 0.0))).all():
         raise ValueError(f'{name}: the square of a number is not finite and positive, got {sigma}')
     return np.diag(squares)
 

@@ -11,6 +11,7 @@ from kalman_ros.compiled import is_available
 from kalman_ros.compiled.parts import COMPILED, IN_C, NUMPY
 from kalman_ros.core import Array, Gaussian, Sensor, Value, is_finite
 from kalman_ros.estimators import NATIVE
+from kalman_ros.estimators.diffuse import begun, known_part
 from kalman_ros.estimators.filter import Filter
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.scenario import Scenario
@@ -45,6 +46,12 @@ def fusion(
         arithmetic=COMPILED if in_c else options.arithmetic,
         wait=wait,
     )
+    unknown = np.isinf(found.initial.covariance.diagonal()).any()
+    for option in ('lockstep', 'fixed_lag'):
+        if unknown and getattr(options, option):
+            raise ValueError(
+                f'initial_std: expected finite ones with {option}, got an infinite one'
+            )
     return _in_c(scenario, found, options, wait=wait) if in_c else found
 
 
@@ -84,7 +91,7 @@ def check_start(built: Estimation, scenario: Scenario) -> None:
 
     Its numbers may be finite but too large to compute with, or become so in a step of the model.
     """
-    belief, filter = built.initial, built.filter
+    belief, filter = begun(built.initial), built.filter
     sensors = [built.sensors[name] for name in scenario.enabled]
     zero = np.zeros(scenario.model.input.size)
 
@@ -94,6 +101,7 @@ def check_start(built: Estimation, scenario: Scenario) -> None:
     with np.errstate(all='ignore'):
         if not sensors or starts(belief):
             return
+        belief = known_part(belief)
         if not starts(Gaussian(belief.mean, np.eye(len(belief.mean)))):
             step = 1.0 / scenario.rate
             raise ValueError(
@@ -108,7 +116,8 @@ def _corrects(filter: Filter, belief: Gaussian, u: Array, sensor: Sensor, rate: 
     """Return whether a typical reading gives a finite belief, now and a step later."""
     try:
         for first in (belief, filter.predict(belief, u, 1.0 / rate)):
-            posterior = filter.correct(first, sensor.measure(first.mean), sensor).posterior
+            found = filter.correct(first, sensor.measure(first.mean), sensor)
+            posterior = known_part(found.posterior)
             if not is_finite(posterior.mean) or not is_finite(posterior.covariance):
                 return False
     except (ArithmeticError, np.linalg.LinAlgError):

@@ -109,7 +109,9 @@ def assemble(full: Mapping[str, Any], *, with_law: bool = True) -> Scenario:
         rate=rate,
         initial_state=vector('initial_state', full['initial_state'], n),
         initial_belief=Gaussian(
-            mean, variances('initial_std', full['initial_std'], n, exact=True)
+            mean,
+            # a loop has no theory of a start from nothing
+            variances('initial_std', full['initial_std'], n, exact=True, unknown=not with_law),
         ),
         filter=full['filter'],
         datum=origin,

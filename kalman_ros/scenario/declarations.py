@@ -79,7 +79,7 @@ def options(values: Mapping[str, Any], *, with_law: bool = True) -> dict[str, Op
             system.initial_estimate or built.equilibrium.state.tolist(),
             'mean at a start or reset',
         ),
-        'initial_std': (system.initial_std, 'initial standard deviations'),
+        'initial_std': (system.initial_std, 'initial deviations; .inf: unknown'),
     }
     for name, (default, meaning) in vectors.items():
         found[name] = Option(name, list(default), About(meaning, live=name != 'initial_state'))

@@ -13,6 +13,7 @@ from kalman_ros.compiled.parts import COMPILED, NUMPY, parts
 from kalman_ros.core import Array, Gaussian, Sensor, Value
 from kalman_ros.estimators import NATIVE, build_filter
 from kalman_ros.estimators.consistency import chi_square_gate
+from kalman_ros.estimators.diffuse import check_start
 from kalman_ros.estimators.filter import Filter
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.policy import Policy
@@ -91,6 +92,7 @@ def estimation(
         options = scenario.filter_options
     built = build_filter(kind, plan, options, implementation)
     weighed = by_innovation(scenario, policy or Policy())
+    check_start(built, believed.initial)
     if built.fixed_gain:
         _check_fixed(scenario, kind)
     return Estimation(

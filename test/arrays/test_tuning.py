@@ -37,6 +37,62 @@ def test_the_nile_has_the_noise_of_durbin_and_koopman():
     assert found.converged
 
 
+def gaps(flow):
+    """Return the flow without the years 21 to 40 and 61 to 80, as in Durbin and Koopman, 2.7."""
+    missing = flow.copy()
+    missing[20:40] = missing[60:80] = np.nan
+    return missing
+
+
+def test_the_nile_from_a_diffuse_start_has_the_published_likelihood():
+    """That of R's KFAS (J. Helske, J. Statistical Software 78(10), 2017) and of statsmodels."""
+    flow = nile()
+    found = kr.tune(level, np.arange(len(flow)), flow, initial='diffuse', fit={'q': 1e3, 'r': 1e4})
+    assert found.log_likelihood[1] == pytest.approx(-632.54563, abs=1e-5)
+    assert found.values['r'] == pytest.approx(15098.5, rel=1e-4)
+    assert found.values['q'] == pytest.approx(1469.18, rel=1e-4)
+    by_scenario = kr.tune(
+        {'model': 'level', 'initial_std': [1.0], **NILE}, np.arange(len(flow)), flow,
+        initial='diffuse',
+    )  # fmt: skip
+    assert by_scenario.log_likelihood[1] == pytest.approx(-632.54563, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ('kind', 'start'), [('llevel', (15099.0, 1469.1)), ('lltrend', (1e4, 1e3, 10.0))]
+)
+@pytest.mark.parametrize('missing', [False, True])
+@pytest.mark.filterwarnings('ignore:Care should be used')
+def test_statsmodels_starts_as_diffuse(kind, start, missing):
+    structural = pytest.importorskip('statsmodels.tsa.statespace.structural')
+    flow = gaps(nile()) if missing else nile()
+    other = structural.UnobservedComponents(flow, kind)
+    other.ssm.initialize_diffuse()
+    r, *rest = start
+    model, sensors = {'llevel': level, 'lltrend': trend}[kind](*rest, r=r)
+    found = kr.filter(model, sensors, np.arange(len(flow)), flow, initial='diffuse')
+    assert found.log_likelihood == pytest.approx(other.loglike(start), abs=1e-8)
+    back, theirs = kr.smooth(found), other.smooth(start)
+    np.testing.assert_allclose(back.mean, theirs.smoothed_state.T, rtol=1e-7, atol=1e-5)
+    np.testing.assert_allclose(
+        back.covariance, np.moveaxis(theirs.smoothed_state_cov, -1, 0), rtol=1e-7, atol=1e-5
+    )
+
+
+def test_the_nile_with_gaps_from_a_diffuse_start():
+    flow = gaps(nile())
+    model, sensors = level(1469.1, 15099.0)
+    found = kr.filter(model, sensors, np.arange(len(flow)), flow, initial='diffuse')
+    # by statsmodels 0.14
+    assert found.log_likelihood == pytest.approx(-380.5870627753, abs=1e-9)
+    fitted = kr.tune(
+        level, np.arange(len(flow)), flow, initial='diffuse', fit={'q': 1e3, 'r': 1e4}
+    )
+    assert fitted.log_likelihood[1] == pytest.approx(-380.0077291, abs=1e-6)
+    assert fitted.values['r'] == pytest.approx(17899.8, rel=1e-4)
+    assert fitted.values['q'] == pytest.approx(685.82, rel=1e-3)
+
+
 @pytest.mark.parametrize('seed', range(3))
 @pytest.mark.parametrize('kind', ['llevel', 'lltrend'])
 def test_statsmodels_agrees_on_random_structural_models(kind, seed):

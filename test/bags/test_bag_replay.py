@@ -327,6 +327,30 @@ def test_initialpose_is_a_reset(tmp_path):
     assert found.beliefs.mean[1, x] == pytest.approx(5.0, abs=1e-3)
 
 
+def test_a_start_from_nothing_has_estimates_once_all_is_known(tmp_path):
+    source = estimator_settings('mass_spring_damper_2d').scenario.sensors['position']
+    rng = np.random.default_rng(4)
+    with RecordingWriter(tmp_path / 'a') as writer:
+        writer.add('/position', source.signal.type.replace('/', '/msg/'))
+        for k in range(20):
+            time = START + k * 10**7
+            y = np.array([3.0, -2.0]) + 0.01 * rng.normal(size=2)
+            writer.write('/position', time, wire(source.signal, time, y, 1e-4 * np.eye(2)))
+    chosen = {'model': 'mass_spring_damper_2d', 'sensors': ['position']}
+    exact, near = (
+        replay(tmp_path / 'a', {**chosen, 'initial_std': [std] * 4}) for std in (np.inf, 1e4)
+    )
+    assert len(exact.beliefs.time) == len(near.beliefs.time) - 1 == 19
+    np.testing.assert_allclose(exact.beliefs.mean, near.beliefs.mean[1:], rtol=1e-4, atol=1e-4)
+    assert np.isfinite(exact.beliefs.covariance).all()
+    smoothed = replay(
+        tmp_path / 'a', {**chosen, 'initial_std': [np.inf] * 4}, smooth=True
+    ).smoothed
+    assert len(smoothed.time) == 19 and np.isfinite(smoothed.covariance).all()
+    with pytest.raises(ValueError, match='^initial_std: a start from infinite variances takes'):
+        replay(tmp_path / 'a', {**chosen, 'initial_std': [np.inf] * 4, 'filter': 'ukf'})
+
+
 @pytest.mark.parametrize('placed', [True, False])
 def test_initialpose_in_another_frame_takes_a_transform_of_the_recording(tmp_path, placed):
     message = PoseWithCovarianceStamped()

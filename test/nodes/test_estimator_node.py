@@ -317,3 +317,27 @@ def test_of_the_beliefs_that_wait_the_last_one_counts(pair, monkeypatch):
     found.until(lambda: means and means[-1] == pytest.approx(1.98), f'not the last: {means[-3:]}')
     # those that wait are taken together, before any of them is in effect
     assert len(means) < 150
+
+
+def test_nothing_is_published_before_all_states_are_known(pair, monkeypatch):
+    """Of a position alone the velocity takes a second reading."""
+    found = pair(EstimatorNode, initial_std='[.inf, .inf, .inf, .inf]', rest_until_input='false')
+    position = found.publisher(PoseWithCovarianceStamped, 'position')
+    counts, stamps = found.node._online.counts['position'], record(found, monkeypatch)
+    start = found.node.get_clock().now().nanoseconds
+    for k in range(3):
+        message = PoseWithCovarianceStamped()
+        message.pose.covariance[:] = np.eye(6).ravel()
+        message.pose.pose.position.x = 0.1 * k
+        write_stamp(message.header.stamp, start + k * STEP)
+        position.publish(message)
+        found.until(lambda count=k + 1: counts[Outcome.FUSED] == count, 'no reading')
+        if not k:
+            assert np.isinf(found.node._online.belief.std[[1, 3]]).all()
+    found.until(lambda: len(stamps) == 2, 'no estimate')
+    assert stamps == [start + STEP, start + 2 * STEP]
+
+
+def test_a_start_from_nothing_needs_real_time(pair):
+    with pytest.raises(ValueError, match='^initial_std: expected finite ones with lockstep'):
+        pair(EstimatorNode, initial_std='[.inf, .inf, .inf, .inf]', lockstep='true')

@@ -106,6 +106,8 @@ def diagnose(evidence: Evidence, progress: Callable[[str], None] = lambda text: 
     progress
         Receives the current activity.
     """
+    if np.isinf(evidence.scenario.initial_belief.covariance).any():
+        raise ValueError('initial_std: expected finite ones for a diagnosis, got an infinite one')
     before = misfit(evidence)
     progress('stamps, rates and values')
     plain, case = _find_without_filter(evidence)

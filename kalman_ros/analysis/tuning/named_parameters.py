@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from math import inf
+from math import inf, isinf
 from typing import Any
 
 import numpy as np
@@ -238,7 +238,7 @@ class NamedParameters:
             for index, (label, unit) in enumerate(zip(labels, units)):
                 full = name if len(value) == 1 else f'{name}.{label}'
                 number = float(value[index])
-                scale = None if scales is None else scales[index]
+                scale = None if scales is None or isinf(scales[index]) else scales[index]
                 yield _Place(name, index, _free(full, number, low, about.maximum, unit, scale))
 
     def _coordinates(self, name: str, size: int) -> tuple[Sequence[str], Sequence[str]]:

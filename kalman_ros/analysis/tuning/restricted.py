@@ -178,8 +178,9 @@ def _moments(candidate: Candidate, input: Array) -> tuple[Array, Array]:
     rng, model, space = np.random.default_rng(0), candidate.model, candidate.model.state
     dt = model.period if model.is_discrete else 0.01
     means = [candidate.initial.mean, *candidate.biases.values()]
+    first = candidate.initial.covariance
     covariances = [
-        candidate.initial.covariance,
+        np.where(np.isinf(first), 0.0, first),
         *(sensor.covariance for sensor in candidate.sensors.values()),
     ]
     for _ in range(_COMPARED):

@@ -11,6 +11,7 @@ import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Sensor, Space, in_continuous_time, unchecked
 from kalman_ros.core.candidates import candidate_model, candidate_sensor
+from kalman_ros.estimators.diffuse import Diffuse, begun
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.estimators.start import match_reading
 
@@ -130,7 +131,7 @@ class Walk:
     def _initial_belief(self) -> Gaussian:
         x = np.stack([candidate.initial.mean for candidate in self._candidates])
         P = np.stack([candidate.initial.covariance for candidate in self._candidates])
-        return unchecked((x, P))
+        return begun(unchecked((x, P)))
 
     def blocks(
         self, until: int | None = None, progress: Callable[[float], None] | None = None
@@ -192,7 +193,8 @@ class Walk:
         y = (readings.value[row] - self._bias[order])[:, present]
         if self._at_start:
             self._at_start = False
-            if self._conditions.policy.from_reading:
+            from_reading = self._conditions.policy.from_reading
+            if from_reading and not isinstance(self._belief, Diffuse):
                 self._match_first_reading(order, present, y)
         prior = self._belief
         if earlier is None:
@@ -214,6 +216,8 @@ class Walk:
                 accepted = np.ones_like(accepted)
             self._rejections[order] = 0 if accepted[0] else self._rejections[order] + 1
         self._belief = correction.posterior
+        if isinstance(prior, Diffuse):  # what nothing was known of cannot be far away
+            accepted = True
         if accepted is not True and not accepted.all():
             self._belief = _select_beliefs(accepted, correction.posterior, prior)
         return (order, present.tobytes()), (

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from kalman_ros.core import Array, Gaussian, unchecked
+from kalman_ros.estimators.diffuse import Diffuse
 from kalman_ros.estimators.filter import LinearUpdate, Prediction
 from kalman_ros.estimators.plan import parts
 from kalman_ros.linear.kernels import kernels
@@ -22,13 +23,20 @@ class ExtendedKalmanFilter(LinearUpdate):
     The model propagates the mean, and the linearised model propagates the covariance.
     """
 
+    diffuse = True
+
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
         """Return x = step(x, u), P = F P F' + Q, in steps of the model's ``max_step``."""
+        if isinstance(belief, Diffuse):
+            return self.linearized(belief, u, dt).belief
         count = parts(self.model, dt)
         return unchecked(self.model.predicted_moments(*belief, u, dt / count, count))
 
     def linearized(self, belief: Gaussian, u: Array, dt: float) -> Prediction:
         """Return the prediction, with F <- F_k F and Q <- F_k Q F_k' + Q_k over its steps."""
+        if isinstance(belief, Diffuse):
+            finite, F, Q = self.linearized(belief.finite, u, dt)
+            return Prediction(belief.moved(finite, F), F, Q)
         (x, P), k = belief, kernels(belief[0])
         model, count = self.model, parts(self.model, dt)
         x, F, Q = model.linearized_step(x, u, dt / count)

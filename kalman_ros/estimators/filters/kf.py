@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from kalman_ros.core import Array, DiscreteLinearSystem, Gaussian, LinearSystem, unchecked
+from kalman_ros.estimators.diffuse import Diffuse
 from kalman_ros.estimators.filter import LinearUpdate, Prediction
 from kalman_ros.estimators.plan import check_linear
 from kalman_ros.linear.kernels import kernels
@@ -21,12 +22,15 @@ class KalmanFilter(LinearUpdate):
 
     model: LinearSystem | DiscreteLinearSystem
     needs_linear = True
+    diffuse = True
 
     def __post_init__(self) -> None:
         check_linear('kf', self.model)
 
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
         """Return x = F x + G u, P = F P F' + Q."""
+        if isinstance(belief, Diffuse):
+            return self.linearized(belief, u, dt).belief
         x, P = belief
         k, (F, G, Q) = kernels(x), self.model.sampled(dt)
         return unchecked((k.affine(F, x, G, u), k.sandwich(F, P, Q)))
@@ -34,6 +38,9 @@ class KalmanFilter(LinearUpdate):
     def linearized(self, belief: Gaussian, u: Array, dt: float) -> Prediction:
         """Return the prediction with the F and Q of the step."""
         F, _, Q = self.model.sampled(dt)
+        if isinstance(belief, Diffuse):
+            moved = belief.moved(self.predict(belief.finite, u, dt), F)
+            return Prediction(moved, F, Q)
         return Prediction(self.predict(belief, u, dt), F, Q)
 
 

@@ -15,6 +15,7 @@ from std_srvs.srv import SetBool, Trigger
 from kalman_ros.analysis.observability import observability
 from kalman_ros.codecs.messages import message_type
 from kalman_ros.core import Gaussian, Option, Value
+from kalman_ros.estimators.diffuse import Diffuse
 from kalman_ros.nodes.middleware import runtime
 from kalman_ros.nodes.middleware.diagnostics import Report
 from kalman_ros.nodes.middleware.meters import Latency
@@ -127,7 +128,9 @@ class EstimatorNode(runtime.ScenarioNode):
             GeographicServer(self, self.options.frame, self._origin)
 
     def publish(self, time: int, belief: Gaussian) -> None:
-        """Publish the belief at ``time``, in nanoseconds."""
+        """Publish the belief at ``time``, in nanoseconds, once it knows all states."""
+        if isinstance(belief, Diffuse):
+            return
         if self.scenario.believed.places:
             belief = self.scenario.believed.own(belief)
         self._publish(time, belief)
