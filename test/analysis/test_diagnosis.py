@@ -36,8 +36,8 @@ def rounded(y):
 FAULTS = {
     'losses': Injection({'position': {'dropout': 0.3}}),
     'losses in bursts': Injection({'velocity': {'burst_loss': 0.03, 'burst_length': 12.0}}),
-    'delay': Injection({'position': {'delay': 0.1}}),
-    'jitter': Injection({'velocity': {'jitter': 0.1}}),
+    'delay': Injection({'position': {'delay': 1.5}}),
+    'jitter': Injection({'velocity': {'jitter': 2.0}}),
     'stamps duplicated': Injection({'position': {'duplication': 0.1}}),
     'stamps backward': Injection({'position': {'reordering': 0.05}}),
     'not a number': Injection({'position': {'nan': 0.1}}),
@@ -73,6 +73,15 @@ def test_the_right_cause_comes_first(kind):
     assert findings[0].kind == kind, [(f.kind, f.subject, f.gain) for f in findings]
 
 
+@pytest.mark.parametrize(('kind', 'size'), [('delay', 0.1), ('jitter', 0.1)])
+def test_a_delay_by_which_nothing_is_lost_is_a_note(kind, size):
+    found = diagnose(recorded(SCENARIO, Injection({'position': {kind: size}}), 12.0, 5))
+    assert (found.findings, [(note.kind, note.subject) for note in found.notes]) == (
+        (),
+        [(kind, 'position')],
+    )
+
+
 @pytest.mark.parametrize('seed', range(4))
 def test_nothing_is_found_in_a_clean_recording(seed):
     assert found_in(None, seconds=8.0, seed=seed) == ()
@@ -99,7 +108,7 @@ def test_two_faults_are_both_found():
 def test_a_delay_beside_outliers_is_no_offset_of_a_clock():
     late = Injection({'imu': {'outliers': 0.03, 'delay': 0.05}})
     found = found_in(late, 20.0, scenario='gnss_imu')
-    assert [(each.kind, each.subject) for each in found] == [('outliers', 'imu'), ('delay', 'imu')]
+    assert [(each.kind, each.subject) for each in found] == [('outliers', 'imu')]
 
 
 @pytest.mark.parametrize('fault', ['duplication', 'reordering'])

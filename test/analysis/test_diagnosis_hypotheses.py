@@ -8,11 +8,12 @@ import pytest
 
 from kalman_ros.analysis.diagnosis import common_noise, leftover, saturation, stretch
 from kalman_ros.analysis.diagnosis.bias import without_declared
-from kalman_ros.analysis.diagnosis.diagnose import _rank, certainty, diagnose
+from kalman_ros.analysis.diagnosis.diagnose import _rank, certainty, completeness, diagnose
 from kalman_ros.analysis.diagnosis.examination import Examination
 from kalman_ros.analysis.diagnosis.finding import Finding
 from kalman_ros.analysis.diagnosis.outliers import runs_of
 from kalman_ros.analysis.diagnosis.parameters import parameter, parameters
+from kalman_ros.analysis.diagnosis.passage import Passage
 from kalman_ros.analysis.diagnosis.units import conversions
 from kalman_ros.programs.doctor.recordings import Injection, recorded
 
@@ -89,7 +90,7 @@ def test_a_disturbance_has_its_time_and_size(spring):
     assert 'from t = 4 to 7 s' in finding.sentence
     size = float(finding.sentence.partition(' by ')[2].split()[0])
     assert size == pytest.approx(0.8, abs=0.1)
-    assert 0.5 < finding.certainty < 0.7
+    assert 0.85 < finding.certainty < 0.99  # of the two causes that fit alike
     assert ('random walk', 'position') in finding.same_as
 
 
@@ -191,9 +192,38 @@ def test_the_numbers_of_a_linear_model_are_those_of_its_matrices(spring):
 
 def test_the_certainty_of_a_cause_is_its_share_among_rivals():
     assert certainty(100.0, []) == 1.0
-    assert certainty(100.0, [100.0]) == 0.5
-    assert certainty(1e4, [9e3]) == pytest.approx(1.0 / (1.0 + np.exp(-1000.0 / 1502.0)))
+    # what fits as well belongs to the cause
+    assert certainty(100.0, [100.0]) == certainty(100.0, [85.1]) == 1.0
+    assert certainty(1e4, [8.5e3]) == pytest.approx(1.0 / (1.0 + np.exp(-1500.0 / 1502.0)))
+    tied = 1.0 + np.exp(-1000.0 / 1502.0)
+    assert certainty(1e4, [9e3, 5e3]) == pytest.approx(tied / (tied + np.exp(-5000.0 / 1502.0)))
     assert certainty(1e4, [1e3, 10.0]) > 0.99
+
+
+def passed(size, count=1000):
+    return Passage([], [np.full(1, size**0.5)] * count)
+
+
+@pytest.mark.parametrize(
+    ('before', 'after', 'share'),
+    [
+        (4.0, 1.0, 1.0),
+        (4.0, 1.03, 1.0),
+        (2.0, 1.53, (0.47 / 0.97) ** 2),
+        (4.0, 0.47, (3.53 / 4.03) ** 2),  # the declared noise is too large
+        (0.5, 1.0, 1.0),
+        (1.0, 1.0, 1.0),
+        (2.0, 2.0, 0.0),
+        (100.0, 1.0, 1.0),
+    ],
+)
+def test_a_cause_is_believed_as_far_as_it_explains(before, after, share):
+    assert completeness(passed(before), passed(after)) == pytest.approx(share)
+
+
+def test_outliers_count_up_to_five_deviations():
+    assert passed(400.0).mean_square == 25.0
+    assert Passage([], []).mean_square == 1.0
 
 
 def test_caution_ranks_after_what_is_wrong():

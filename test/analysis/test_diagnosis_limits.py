@@ -160,6 +160,7 @@ def test_readings_are_late_by_more_than_a_time_that_is_harmless(latencies, kind)
     received = stamp + np.resize(latencies, 40)
     findings = lateness.find(case(record(stamp, received)))
     assert kinds(findings) == ([kind] if kind else [])
+    assert all(finding.note for finding in findings)  # the window is longer
 
 
 @pytest.mark.parametrize('count', [2, 3])
@@ -183,6 +184,9 @@ def test_a_window_is_longer_than_the_longest_delay(delay, window, change):
     late.outcome[[2, 3]] = Outcome.TOO_OLD.name
     (finding,) = lateness.find(case(late, window=window))
     assert finding.change == change
+    assert not finding.note
+    late.outcome[:] = Outcome.FUSED.name
+    assert lateness.find(case(late, window=window))[0].note == (not change)
     assert f'2 were dropped as older than the window of {window:g} s' in finding.sentence
 
 

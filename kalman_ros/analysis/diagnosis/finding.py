@@ -66,7 +66,8 @@ class Finding:
     dues
         Cost of the correction in -2 log likelihood, in addition to the misfit after it.
     certainty
-        Posterior share of this cause among those that were tried.
+        Posterior share of this cause, with those that fit as well, among those that were tried,
+        times the share of the misfit that it explains.
     parameters
         The number of fitted numbers; each costs the logarithm of the number of values read.
     note

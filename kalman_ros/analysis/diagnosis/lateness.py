@@ -27,7 +27,10 @@ _EARLIEST, _LATEST, _SHARE = 0.002, 1.0, 0.1
 
 
 def find(case: Examination) -> list[Finding]:
-    """Return the delay and jitter of each sensor from its stamp to the recorder."""
+    """Return the delay and jitter of each sensor from its stamp to the recorder.
+
+    Where no reading was lost by it, it is a note.
+    """
     findings = []
     for name, record in case.evidence.sensors.items():
         if len(record) > 2:
@@ -46,19 +49,20 @@ def _delay_findings(evidence: Evidence, name: str, record: SensorRecord) -> Iter
     note = f'; {old} were dropped as older than the window of {window:g} s' if old else ''
     sufficient = round(float(1.2 * late.max()) + 0.05, 2)
     change = {'window': sufficient} if sufficient > window else {}
+    harmless = not old and not change
     if high - low > max(_HARMLESS, 0.5 * middle):
         yield Finding(
             'jitter', name,
             f'readings of {name} are received {late.min():.3g} to {late.max():.3g} s after their '
             f'stamp, half of them before {middle:.3g} s{note}.',
-            inf, change, figure=picture(name, record, 'latency'),
+            inf, change, figure=picture(name, record, 'latency'), note=harmless,
         )  # fmt: skip
     elif low > _HARMLESS:
         yield Finding(
             'delay', name,
             f'readings of {name} are received {middle:.3g} s after their stamp{note}. Their '
             'stamps are right: with a window that is longer than that, none is lost.',
-            inf, change, figure=picture(name, record, 'latency'),
+            inf, change, figure=picture(name, record, 'latency'), note=harmless,
         )  # fmt: skip
 
 

@@ -31,6 +31,8 @@ from .evidence import Evidence
 LOG_2_PI = log(2.0 * pi)
 #: Normalised innovations are limited to this magnitude.
 _FAR = 1e6
+#: Normalised innovations beyond this are those of outliers.
+_OUTLIER = 5.0
 #: Normalised squares are limited to this value for the choice of an initial belief, since larger
 #: squares are those of outliers.
 _OUTLYING = 30.0
@@ -86,6 +88,12 @@ class Passage:
         """Misfit of the pass, the sum of e'e + log |2 pi S|, which is -2 log likelihood."""
         squares = sum(float(e.dot(e)) for e in self.whitened)
         return squares + sum(event.log for event in self.events)
+
+    @cached_property
+    def mean_square(self) -> float:
+        """Mean square of the whitened innovations, each up to 5 deviations; 1 is expected."""
+        e = np.concatenate([np.zeros(0), *self.whitened])
+        return float(np.mean(np.square(np.clip(e, -_OUTLIER, _OUTLIER)))) if len(e) else 1.0
 
     @cached_property
     def _indices(self) -> dict[str, list[int]]:
