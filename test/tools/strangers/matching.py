@@ -8,7 +8,7 @@ factor within 5 %, and noise the right direction. What the table calls alike is 
 'scale and bias', of which one finding names a half. What a real recording has wrong by itself is
 neither right nor wrong. A finding whose 'same as' has the right kind and subject is tied. An
 interval is two of the printed standard deviations, or the range that is printed; each must contain
-the size, or for a bias, of which other coordinates have none, zero.
+the size, or zero where the bias is of another coordinate.
 """
 
 from __future__ import annotations
@@ -137,6 +137,6 @@ def interval(finding: Finding, recording: Recording) -> str:
         size = 1.0 / size
     size = abs(size)
     inside = [a <= size <= b for a, b in ranges]
-    if fault == 'bias' and any(inside):  # of the other coordinates there is none
+    if fault == 'bias' and ' ' in recording.subject and any(inside):  # others have none
         inside = [within or a <= 0.0 <= b for within, (a, b) in zip(inside, ranges)]
     return ('in' if all(inside) else 'out') if ranges else ''

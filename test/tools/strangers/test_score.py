@@ -95,6 +95,7 @@ def test_what_fits_as_well_is_tied() -> None:
         ('oven_room_noise', 'noise too small', 'room.room', 'of 3.1 (2.9 to 3.2, 95 %): 1', 'in'),
         ('balloon_upper_quiet', 'noise too large', 'upper', 'of 3.4 (3.2 to 4, 95 %): x', 'out'),
         ('oven_wall_drift', 'drift', 'wall', 'wall drifts by +0.005 a second', ''),
+        ('balloon_lower_offset', 'bias', 'lower', 'x by +3.1 +- 0.1, y by +0.1 +- 0.1', 'out'),
         ('boat_compass_7_degrees', 'bias', 'compass', 'psi [rad] by +0.12 +- 0.01', ''),
     ],
 )

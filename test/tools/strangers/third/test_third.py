@@ -11,7 +11,7 @@ import kalman_ros as kr
 from kalman_ros.bags.reading import Bag
 
 from .. import recordings as first
-from ..matching import is_right
+from ..matching import interval, is_right
 from ..program import main
 from ..recordings import Recording, edited, write_files
 from ..second import recordings as second
@@ -176,3 +176,11 @@ def test_the_program_lists_and_writes_this_set(
     assert {path.name for path in (tmp_path / 'heater_clean').iterdir()} == {
         'recording.mcap', 'robot.yaml'
     }  # fmt: skip
+
+
+def test_coordinates_without_a_bias_have_none() -> None:
+    found = {'kind': 'bias', 'subject': 'magnetometer'}
+    off = 'mx [T] by +4.03e-06 +- 4e-08, my [T] by {} +- 4e-08'
+    for other, expected in (('-1.85e-08', 'in'), ('-3e-07', 'out'), ('4e-06', 'in')):
+        finding = {**found, 'sentence': off.format(other)}
+        assert interval(finding, RECORDINGS['drone_hard_iron']) == expected
