@@ -37,6 +37,8 @@ FACTORS = {
     'pounds a square inch': 0.45359237 * 9.80665 / 0.0254**2,
     'feet': 12.0 * 0.0254,
     'metres, where feet are expected': 1.0 / (12.0 * 0.0254),
+    'inches': 0.3048 / 12.0,
+    'metres, where inches are expected': 12.0 / 0.3048,
     'miles an hour': 5280.0 * 12.0 * 0.0254 / 3600.0,
     'knots': 1852.0 / 3600.0,
     'g': 9.80665,

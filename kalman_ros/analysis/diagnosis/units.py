@@ -36,6 +36,8 @@ UNITS: Sequence[tuple[float, str, tuple[str, ...]]] = (
     (1e5, 'bar', _PRESSURE),
     (6894.757, 'pounds a square inch', _PRESSURE),
     (0.3048, 'feet', _LENGTH),
+    (0.0254, 'inches', _LENGTH),
+    (1.0 / 0.0254, 'metres, where inches are expected', ('in',)),
     (1.0 / 0.3048, 'metres, where feet are expected', ('ft',)),
     (0.44704, 'miles an hour', _SPEED),
     (0.514444, 'knots', _SPEED),
