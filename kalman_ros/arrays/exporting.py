@@ -11,6 +11,7 @@ from typing import Any
 
 from kalman_ros import scenario as scenarios
 from kalman_ros.control.limiter import LIMITS
+from kalman_ros.control.motion import Motion
 from kalman_ros.core import ArrayLike
 from kalman_ros.embedded.loop import loop
 from kalman_ros.embedded.writing import Built, Written, build, write
@@ -61,6 +62,7 @@ def export(
     idle_input: str | None = None,
     recover_after: int | None = None,
     max_gap: float | None = None,
+    motion: Motion | None = None,
     compile: bool = True,
 ) -> Export:
     """Write the estimator and the law of a loop as C99, and check it against Python.
@@ -86,6 +88,8 @@ def export(
         Rejections in a row after which the covariance is widened; 0: never.
     max_gap
         Seconds without a prediction after which the estimate restarts; 0: never.
+    motion
+        What the law can follow: a `kr.motion` of this scenario, with its gains, as a table.
     compile
         Whether to build and check it, if there is a C compiler.
 
@@ -123,7 +127,7 @@ def export(
         max_gap=number('max_gap', gap, 'a number of seconds'),
     )
     at_rest = idle_of(scenario.model, str(idle))
-    found = loop(scenario, policy, bounds, at_rest, control=control)
+    found = loop(scenario, policy, bounds, at_rest, control=control, motion=motion)
     source = f'{name}.yaml' if values and name else 'a scenario of Python'
     written = write(found, Path(out), name or 'loop', precision, source)
     return Export(written, build(written) if compile else None)

@@ -72,8 +72,8 @@ def _fields(loop: Loop, names: Names, precision: str) -> dict[str, str]:
         'allowed': allowed['float64'],
         'allowed_float': allowed['float32'],
         'law_fields': '' if law is None else law_text.fields(law),
-        'law_functions': '' if law is None else law_text.FUNCTIONS,
-        'law_cases': '' if law is None else law_text.CASES,
+        'law_functions': '' if law is None else law_text.functions(law),
+        'law_cases': '' if law is None else law_text.cases(law),
         'control': '' if law is None else law_text.timed(loop.rate),
     }
     if m:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from .expressions import number, numbers
 from .loop import Law
-from .texts import difference, text
+from .texts import addition, difference, text
 
 #: A step of the law of this many seconds or more is refused.
 _LONGEST = 60.0
@@ -25,12 +25,33 @@ NAME_outcome NAME_control(NAME_loop *loop, NAME_real dt, NAME_real *u);
 /* The input u towards the idle one, within its rate limit; it acts. */
 void NAME_idle(NAME_loop *loop, NAME_real dt, NAME_real *u);
 """
+#: The same of a motion.
+_FOLLOW = """
+/* Follow the motion, which takes {seconds:.4g} s, from its beginning. Its last state is held after
+ * its end; NAME_hold ends it before. Its time is the sum of the dt of NAME_control from the second
+ * call on.
+ */
+void NAME_follow(NAME_loop *loop);
+"""
 #: The calls of check.c, and the one that it takes the time of.
 CASES = """\
         case 'H': outcome = NAME_hold(&loop, given); break;
         case 'U': outcome = NAME_control(&loop, given[0], u); break;
         case 'O': NAME_idle(&loop, given[0], u); break;"""
+_FOLLOWED = """
+        case 'M': NAME_follow(&loop); break;"""
 _TIMED = '            NAME_control(&loop, (NAME_real){dt!r}, u);'
+
+
+def functions(law: Law) -> str:
+    """Return the declarations of a law's functions."""
+    motion = law.motion
+    return FUNCTIONS + ('' if motion is None else _FOLLOW.format(seconds=motion.duration))
+
+
+def cases(law: Law) -> str:
+    """Return the calls of check.c."""
+    return CASES + ('' if law.motion is None else _FOLLOWED)
 
 
 def law_texts(law: Law, rate: float) -> list[str]:
@@ -55,7 +76,23 @@ def law_texts(law: Law, rate: float) -> list[str]:
             f'static const int PLACES[] = {{{listed}}};\n',
             numbers('INTEGRAL_GAIN', feedback.integral_gain),
         ]
-    return [*texts, text('law.c')]
+    return [*texts, *_motion_texts(law), text('law.c')]
+
+
+def _motion_texts(law: Law) -> list[str]:
+    """Return the table of a motion: states, inputs and gains, a row a step."""
+    motion = law.motion
+    if motion is None:
+        return []
+    gains = () if motion.gains is None else (motion.gains,)
+    return [
+        f'#define MOTION\n#define LAST_STEP {len(motion.states) - 1}\n'
+        f'#define MOTION_STEP {motion.dt!r}\n#define DURATION {motion.duration!r}\n',
+        numbers('MOTION_STATE', motion.states),
+        numbers('MOTION_INPUT', motion.inputs),
+        *(f'#define MOTION_GAINS\n{numbers("MOTION_GAIN", each)}' for each in gains),
+        addition('model_sum', law.space),
+    ]
 
 
 def fields(law: Law) -> str:
@@ -64,10 +101,15 @@ def fields(law: Law) -> str:
     integral = (
         f'    NAME_real integral[{p}]; /* of the errors of tracked states */\n    int8_t begun;\n'
     )
+    motion = (
+        '    double elapsed;   /* s since the motion began */\n'
+        '    int32_t row;      /* of its gains; -1: those of the law */\n'
+        '    int8_t following; /* 1 at its beginning, 2 on the way, else 0 */\n'
+    )
     return (
         f'    NAME_real state[{n}], held[{m}]; /* what is held, and the input that holds it */\n'
         f'    NAME_real output[{m}];          /* the last input, within its limits */\n'
-        f'{integral if p else ""}'
+        f'{integral if p else ""}{"" if law.motion is None else motion}'
     )
 
 

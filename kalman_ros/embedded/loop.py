@@ -9,6 +9,7 @@ import numpy as np
 
 from kalman_ros.control.feedback import Feedback
 from kalman_ros.control.limiter import Limits, check_idle
+from kalman_ros.control.motion import Motion
 from kalman_ros.control.tracking import FeedForward
 from kalman_ros.core import Array, OperatingPoint, Sensor, Space
 from kalman_ros.estimators.filters.ekf import ExtendedKalmanFilter
@@ -41,6 +42,8 @@ class Law:
         The state and the input at rest.
     equilibria
         Where else it rests, for references.
+    motion
+        What it can follow; None without a motion.
     """
 
     space: Space
@@ -48,6 +51,7 @@ class Law:
     limits: Limits
     rest: OperatingPoint
     equilibria: FeedForward
+    motion: Motion | None = None
 
 
 @dataclass(frozen=True)
@@ -99,6 +103,7 @@ def loop(
     idle: Array | None = None,
     *,
     control: bool = True,
+    motion: Motion | None = None,
 ) -> Loop:
     """Return the loop of a scenario.
 
@@ -112,6 +117,8 @@ def loop(
         Of the input; without limits, and zero, by default.
     control
         Whether the law is exported, if there is an input.
+    motion
+        What the law can follow, with its gains.
 
     Raises
     ------
@@ -137,7 +144,9 @@ def loop(
     at_rest = np.zeros(m) if idle is None else idle
     law = None
     if control and m:
-        law = _law(scenario, limits or Limits.none(m), at_rest)
+        law = _law(scenario, limits or Limits.none(m), at_rest, motion)
+    elif motion is not None:
+        raise ValueError('motion: expected none without a law that follows it')
     return Loop(scenario, found, at_rest, law)
 
 
@@ -175,20 +184,26 @@ def check_estimator(scenario: Scenario, found: Estimation) -> None:
                 )
 
 
-def _law(scenario: Scenario, limits: Limits, idle: Array) -> Law:
+def _law(scenario: Scenario, limits: Limits, idle: Array, motion: Motion | None) -> Law:
     alone = '; the estimator alone can be exported'
     if scenario.law not in _LAWS:
         raise ValueError(f'law: expected {", ".join(_LAWS)} for C, got {scenario.law}{alone}')
-    if regulators.steered(scenario):
+    if motion is None and regulators.steered(scenario):
         raise ValueError(
-            'law: at rest no input moves some of the states, and motions are not exported' + alone
+            'law: at rest no input moves some of the states: expected a motion to follow' + alone
         )
     check_idle(limits, idle)
     model = scenario.model
+    if motion is not None and motion.space != model.state:
+        raise ValueError(
+            f'motion: expected one of ({", ".join(model.state.names)}), '
+            f'got ({", ".join(motion.space.names)})'
+        )
     return Law(
         model.state,
         regulators.feedback(scenario),
         limits,
         model.equilibrium,
         regulators.tracking(scenario),
+        motion,
     )

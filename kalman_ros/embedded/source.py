@@ -132,6 +132,7 @@ def _parts(loop: Loop, names: Names, precision: str, fast: str) -> list[str]:
         'REPAIRS': chosen.repairs,
         'NEGLIGIBLE': chosen.negligible,
         'REACHED': chosen.reached,
+        'AT_A_STEP': chosen.at_a_step,
         'MAX_GAP': f'INT64_C({round(policy.max_gap * 1e9)})',
         'RECOVER_AFTER': policy.recover_after,
     }

@@ -20,25 +20,28 @@ class Precision(NamedTuple):
     """A precision: its type in C, what is defined for it, and how near a result has to be.
 
     ``repairs`` of a covariance are relative to its largest variance, a term of a series below
-    ``negligible`` ends it, a reference is ``reached`` within a share of its size, and test vectors
-    may differ by a share ``allowed``.
+    ``negligible`` ends it, a reference is ``reached`` within a share of its size, a time is that
+    of a step within a share of it (``at_a_step``), and test vectors may differ by a share
+    ``allowed``.
     """
 
     type: str
     repairs: str
     negligible: str
     reached: str
+    at_a_step: str
     allowed: str
     functions: str = ''
 
 
 PRECISIONS: Mapping[str, Precision] = {
-    'float64': Precision('double', '{1e-14, 1e-12, 1e-10, 1e-8}', '1e-16', '1e-9', '1e-9'),
+    'float64': Precision('double', '{1e-14, 1e-12, 1e-10, 1e-8}', '1e-16', '1e-9', '1e-6', '1e-9'),
     'float32': Precision(
         'float',
         '{1e-6f, 1e-5f, 1e-4f, 1e-3f}',
         '1e-8f',
         '1e-4f',
+        '1e-3',
         '1e-2',
         # no number is promoted
         ''.join(f'#undef {each}\n#define {each} {each}f\n' for each in FUNCTIONS),
@@ -69,6 +72,12 @@ def shared(name: str) -> str:
 def probes(n: int) -> Array:
     """Return vectors (3, n) at which formulas are compared with functions."""
     return 2.0 * np.random.default_rng(0).standard_normal((3, n))
+
+
+def addition(name: str, space: Space) -> str:
+    """Return the function that moves a vector a of a space by a difference b."""
+    points = 0.3 * probes(space.size)
+    return function(name, trace(space.add, *zip(points, 0.1 * points[::-1])), ['a', 'b'])
 
 
 def difference(name: str, space: Space) -> str:

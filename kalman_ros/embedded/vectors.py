@@ -37,7 +37,7 @@ class Call(NamedTuple):
     Parameters
     ----------
     kind
-        P: predict, C: correct, I: input, H: hold, U: control, O: idle.
+        P: predict, C: correct, I: input, H: hold, M: follow, U: control, O: idle.
     sensor
         Its index, of a correction.
     given
@@ -114,6 +114,13 @@ class Calls:
         self._regulator.hold(*held)
         return self._call('H', 0, reference, 0)
 
+    def follow(self) -> Call:
+        """Follow the motion from its beginning."""
+        law = self._loop.law
+        assert law is not None and law.motion is not None
+        self._regulator.follow_motion(law.motion)
+        return self._call('M', 0, [], 0)
+
     def control(self, dt: float) -> Call:
         """Let the law act."""
         law = self._loop.law
@@ -189,7 +196,12 @@ def recorded(loop: Loop, steps: int, seed: int = 1, *, hostile: bool = True) -> 
             u = loop.idle + (random.standard_normal(m) if step % 20 == 5 else 0.0)
             call = calls.input(u) if m else None
         else:
-            if step % 200 == 150:
+            motion = loop.law.motion
+            rows = 0 if motion is None else len(motion.states)
+            phase = step % (rows + 200)
+            if rows and phase == 20:
+                yield calls.follow()
+            if phase == rows + 150:
                 yield calls.hold(_reference(loop, random))
             idle = hostile and 80 <= step % 500 < 84
             call = calls.idle(dt) if idle else calls.control(dt)

@@ -106,7 +106,7 @@ def write(
     source
         Where the loop is from, for the header.
     steps
-        Of the run that the test vectors are recorded of.
+        Of the run that the test vectors are recorded of, beside those of a motion.
 
     Raises
     ------
@@ -123,7 +123,8 @@ def write(
     found = loop_files(loop, name, precision, source)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ValueError(f"out: '{folder}' is there already: name another folder")
-    calls = [*recorded(loop, steps)]
+    motion = None if loop.law is None else loop.law.motion
+    calls = [*recorded(loop, steps + (0 if motion is None else len(motion.states)))]
     found['vectors.txt'] = text(loop, calls)
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -9,22 +9,29 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich import box
 from rich.console import Console
 from rich.table import Table
 
 from kalman_ros.compiled.library import compiler
+from kalman_ros.control.limiter import Limits
+from kalman_ros.control.motion import Motion
 from kalman_ros.core import options_of
 from kalman_ros.embedded.loop import Loop, loop
 from kalman_ros.embedded.writing import STEPS, Built, Written, build, write
+from kalman_ros.nodes.controller.options import ControllerOptions
 from kalman_ros.pipeline.estimator_options import EstimatorOptions
 from kalman_ros.pipeline.fusion import policy
 from kalman_ros.programs.common_arguments import add_parameters, add_scenario
 from kalman_ros.programs.design import believed, limits_of_inputs
 from kalman_ros.programs.refusal import refuse
-from kalman_ros.scenario import shipped
+from kalman_ros.scenario import Scenario, shipped
+from kalman_ros.scenario.demo_section import demo_section
 from kalman_ros.scenario.idle import idle_input
+from kalman_ros.scenario.motions import motion_of
 from kalman_ros.scenario.parameter_files import from_file, overrides
+from kalman_ros.scenario.reference_motions import along_path
 
 
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
@@ -75,7 +82,24 @@ def of_file(path: Path, changes: Mapping[str, Any], *, control: bool) -> Loop:
     idle = idle_input(built.model, chosen.idle_input)
     limits = limits_of_inputs(path, dict(changes), built)
     found = policy(built, replace(chosen, rest_until_input=False))
-    return loop(built, found, limits, idle, control=control)
+    motion = _motion(path, values, built, limits) if control else None
+    return loop(built, found, limits, idle, control=control, motion=motion)
+
+
+def _motion(
+    path: Path, values: Mapping[str, Any], built: Scenario, limits: Limits | None
+) -> Motion | None:
+    """Return the motion along the path in the section of the demo, if the file has one."""
+    corners = demo_section(path).path
+    if corners is None:
+        return None
+    known = {option.name: option for option in options_of(ControllerOptions)}
+    names = ('path_speed', 'path_acceleration', 'path_tolerance')
+    chosen: list[Any] = [known[n].check(values.get(n, known[n].default)) for n in names]
+    speed, acceleration, tolerance = chosen
+    points = np.hstack((corners, np.zeros((len(corners), 1))))
+    reference = along_path(built, points, speed, acceleration, rounding=tolerance)
+    return motion_of(built, reference, limits, tolerance)
 
 
 def report(console: Console, written: Written, built: Built | None) -> None:

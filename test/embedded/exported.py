@@ -28,11 +28,11 @@ unsigned restarts(const {name}_loop *s) {{ return s->restarts; }}
 needs_a_compiler = pytest.mark.skipif(not compiler(), reason='there is no C compiler')
 
 
-def of_scenario(name, changes=None, *, policy=None, limits=None):
+def of_scenario(name, changes=None, *, policy=None, limits=None, motion=None):
     """Return the loop of a shipped scenario."""
     values = {**from_file(shipped.file(name), 'estimator', 'controller'), **(changes or {})}
     built = scenario.build(values)
-    return loop(built, policy, limits)
+    return loop(built, policy, limits, motion=motion)
 
 
 class Exported:
@@ -69,6 +69,9 @@ class Exported:
             k = self._sizes[index]
             R = ctypes.byref(numbers, k * ctypes.sizeof(self.number)) if len(given) > k else None
             return self._corrections[index](self._loop, numbers, R)
+        if kind == 'M':
+            self.library.loop_follow(self._loop)
+            return 0
         first = self.number(given[0])
         if kind == 'P':
             return self.library.loop_predict(self._loop, first)

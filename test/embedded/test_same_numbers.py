@@ -3,11 +3,13 @@
 
 from collections import Counter
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from thorough import mostly_thorough
+from thorough import mostly_thorough, thorough
 
+import kalman_ros as kr
 from kalman_ros.control.limiter import limits_of
 from kalman_ros.embedded.vectors import OUTCOMES, Calls, recorded
 from kalman_ros.estimators.policy import Policy
@@ -187,3 +189,56 @@ def test_absurd_times_break_nothing(tmp_path):
     for _ in range(100):
         assert c.call('P', 0, [0.01]) == 0
         assert c.call('U', 0, [0.01]) == 0
+
+
+ROBOT = Path(__file__).parents[2] / 'docs' / 'examples' / 'robot_on_a_path.yaml'
+CORNER = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]
+
+
+@pytest.mark.parametrize(
+    ('name', 'changes', 'wanted', 'varying'),
+    [
+        ('cart_pole', {}, {'start': {'x': 0.0}, 'end': {'x': 0.5}, 'seconds': 2.0}, True),
+        thorough(ROBOT, {}, {'path': CORNER, 'speed': 1.0}, True),
+        (
+            'dc_motor',
+            {'law': 'lqi', 'tracked': ['theta']},
+            {'values': {'theta': [0.0, 1.0]}, 'times': [0.0, 1.0]},
+            False,
+        ),
+    ],
+)
+def test_a_motion_is_followed_as_python_does(name, changes, wanted, varying, tmp_path):
+    motion = kr.motion(name, changes, **wanted)
+    assert (motion.gains is not None) == varying
+    loop = of_scenario(name, changes, motion=motion)
+    calls = [*recorded(loop, 2 * len(motion.states) + 300)]
+    assert sum(call.kind == 'M' for call in calls) == 2
+    assert differences(Exported(loop, tmp_path), calls).max() < CLOSE
+
+
+def test_a_motion_in_uneven_steps_that_is_interrupted(tmp_path):
+    motion = kr.motion('cart_pole', start={'x': 0.0}, end={'x': 0.5}, seconds=2.0)
+    loop = of_scenario('cart_pole', motion=motion)
+    python, random, calls = Calls(loop), np.random.default_rng(2), []
+    for step in range(500):
+        dt = float(random.choice([0.0, 0.003, 0.01, 0.013, 0.02]))
+        calls += [python.predict(dt)]
+        if step in (10, 60):
+            calls.append(python.follow())
+        if step in (5, 200):
+            calls.append(python.hold(loop.law.rest.state))
+        if step in (30, 31):
+            calls.append(python.idle(dt))  # the motion waits
+        else:
+            calls.append(python.control(dt))
+    found = differences(Exported(loop, tmp_path), calls)
+    assert found.max() < 1e-10
+    assert np.ptp([call.input for call in calls[400:]]) > 0.1
+
+
+def test_a_motion_in_single_precision(tmp_path):
+    motion = kr.motion('cart_pole', start={'x': 0.0}, end={'x': 0.5}, seconds=2.0)
+    loop = of_scenario('cart_pole', motion=motion)
+    exported = Exported(loop, tmp_path, 'float32')
+    assert differences(exported, recorded(loop, 500)).max() < 1e-4

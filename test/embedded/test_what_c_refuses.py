@@ -54,9 +54,18 @@ def test_what_is_not_supported_is_named(name, changes, expected):
         of_scenario(name, changes)
 
 
-def test_a_law_along_motions_alone_is_refused():
-    with pytest.raises(ValueError, match='no input moves some of the states, and motions are not'):
+def test_a_law_along_motions_alone_takes_one():
+    with pytest.raises(ValueError, match='no input moves some of the states: expected a motion'):
         of_scenario(ROOT / 'docs' / 'examples' / 'robot_on_a_path.yaml')
+
+
+def test_a_motion_of_another_model_is_refused(tmp_path):
+    motion = kr.motion('dc_motor', values={'theta': [0.0, 1.0]}, times=[0.0, 2.0])
+    with pytest.raises(ValueError, match='^motion: expected one of .x, v, theta, omega., got'):
+        kr.export('cart_pole', tmp_path / 'a', motion=motion)
+    with pytest.raises(ValueError, match='^motion: expected none without a law'):
+        kr.export('dc_motor', tmp_path / 'a', motion=motion, control=False)
+    assert not (tmp_path / 'a').exists()
 
 
 def test_a_function_that_cannot_be_traced_is_named(tmp_path):

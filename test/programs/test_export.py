@@ -4,6 +4,7 @@
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -50,6 +51,24 @@ def test_limits_idle_input_and_options_of_the_file_are_carried(tmp_path):
         'MAX_GAP INT64_C(3000000000)', 'RECOVER_AFTER 7',
     ):  # fmt: skip
         assert expected in text
+
+
+def test_the_path_of_a_file_becomes_a_table(tmp_path):
+    source = Path(__file__).parents[2] / 'docs' / 'examples' / 'robot_on_a_path.yaml'
+    shorter = tmp_path / 'robot.yaml'
+    shorter.write_text(re.sub(r'path: \[.*\]', 'path: [0.0, 0.0, 1.0, 0.0]', source.read_text()))
+    speed = ['-p', 'path_speed:=0.5']
+    export.main([str(shorter), '--out', str(tmp_path / 'c'), '--no-build', *speed])
+    text = (tmp_path / 'c' / 'robot.c').read_text()
+    states = re.search(r'MOTION_STATE\[\] = \{(.*)\};', text)[1].split(', ')
+    end = [float(each[2:-1]) for each in states[-5:]]
+    assert end[:2] == pytest.approx([1.0, 0.0], abs=0.01)
+    seconds = float(re.search(r'DURATION (.*)', text)[1])
+    assert seconds > 1.0 / 0.5
+    assert 'void robot_follow(robot_loop *loop);' in (tmp_path / 'c' / 'robot.h').read_text()
+    alone = [str(shorter), '--out', str(tmp_path / 'd'), '--no-build', '--estimator-only']
+    export.main(alone)
+    assert 'MOTION' not in (tmp_path / 'd' / 'robot.c').read_text()
 
 
 def test_without_a_compiler_it_says_so(capsys, tmp_path, monkeypatch):

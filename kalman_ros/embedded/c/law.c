@@ -5,6 +5,51 @@ static void begin(loop_state *s)
     memcpy(s->state, REST_STATE, sizeof s->state);
     memcpy(s->held, REST_INPUT, sizeof s->held);
     memcpy(s->output, IDLE, sizeof s->output);
+#ifdef MOTION
+    s->row = -1;
+#endif
+}
+
+#ifdef MOTION
+/* What the motion is at now: between two steps, the state is on the straight line between theirs. */
+static void aim(loop_state *s)
+{
+    const double passed = s->elapsed / MOTION_STEP;
+    const double reached = passed < LAST_STEP ? passed : LAST_STEP;
+    const int step = (int)(reached + AT_A_STEP);
+    const double share = reached - step;
+    const real *at = MOTION_STATE + step * N_MODEL;
+    memcpy(s->state, at, sizeof s->state);
+    memcpy(s->held, MOTION_INPUT + step * M, sizeof s->held);
+    if (share > AT_A_STEP) {
+        real change[N_MODEL];
+        model_difference(at + N_MODEL, at, change);
+        for (int i = 0; i < N_MODEL; i++)
+            change[i] *= (real)share;
+        model_sum(at, change, s->state);
+    }
+#ifdef MOTION_GAINS
+    s->row = step;
+#endif
+}
+
+void NAME_follow(loop_state *s)
+{
+    s->elapsed = 0;
+    s->following = 1;
+    aim(s);
+}
+#endif
+
+/* The gain of now. */
+static const real *gain(const loop_state *s)
+{
+#ifdef MOTION_GAINS
+    if (s->row >= 0)
+        return MOTION_GAIN + s->row * M * N_MODEL;
+#endif
+    (void)s;
+    return GAIN;
 }
 
 /* Move the output towards a wanted one. */
@@ -42,6 +87,10 @@ NAME_outcome NAME_hold(loop_state *s, const real *reference)
     for (int i = 0; i < N_MODEL; i++)
         s->state[i] = REST_STATE[i] + x[i];
     memcpy(s->held, u, sizeof u);
+#ifdef MOTION
+    s->following = 0;
+    s->row = -1;
+#endif
     return PREFIX_FUSED;
 }
 
@@ -52,11 +101,18 @@ NAME_outcome NAME_control(loop_state *s, real dt, real *u)
         memcpy(u, s->output, sizeof s->output);
         return PREFIX_BAD_TIME;
     }
+#ifdef MOTION
+    if (s->following) {
+        s->elapsed += s->following > 1 ? (double)dt : 0;
+        s->following = s->elapsed < DURATION ? 2 : 0;
+        aim(s);
+    }
+#endif
     model_difference(s->x, s->state, error);
     for (int j = 0; j < M; j++) {
         real sum = 0;
         for (int i = 0; i < N_MODEL; i++)
-            sum += GAIN[j * N_MODEL + i] * error[i];
+            sum += gain(s)[j * N_MODEL + i] * error[i];
         wanted[j] = s->held[j] - sum;
 #ifdef TRACKED
         sum = 0;
