@@ -12,17 +12,17 @@ from kalman_ros.compiled.tracing import Trace
 from kalman_ros.core import Array
 
 #: Functions of the C library of one number and of two.
-_OF_ONE = (
+OF_ONE = (
     'acos', 'acosh', 'asin', 'asinh', 'atan', 'atanh', 'ceil', 'cos', 'cosh', 'erf', 'exp',
     'expm1', 'floor', 'log', 'log1p', 'sin', 'sinh', 'sqrt', 'tan', 'tanh',
 )  # fmt: skip
-_OF_TWO = ('atan2', 'copysign', 'fmax', 'fmin', 'fmod', 'hypot', 'pow')
+OF_TWO = ('atan2', 'copysign', 'fmax', 'fmin', 'fmod', 'hypot', 'pow')
 #: Those that the texts in c/ call, too.
-FUNCTIONS = (*_OF_ONE, *_OF_TWO, 'fabs', 'ldexp', 'llround', 'log2')
+FUNCTIONS = (*OF_ONE, *OF_TWO, 'fabs', 'ldexp', 'llround', 'log2')
 #: How C writes an operation of one or two numbers.
 _OPERATIONS: dict[int, str] = {
-    **{getattr(casadi, f'OP_{name.upper()}'): f'{name}({{0}})' for name in _OF_ONE},
-    **{getattr(casadi, f'OP_{name.upper()}'): f'{name}({{0}}, {{1}})' for name in _OF_TWO},
+    **{getattr(casadi, f'OP_{name.upper()}'): f'{name}({{0}})' for name in OF_ONE},
+    **{getattr(casadi, f'OP_{name.upper()}'): f'{name}({{0}}, {{1}})' for name in OF_TWO},
     casadi.OP_ASSIGN: '{0}',
     casadi.OP_ADD: '{0} + {1}',
     casadi.OP_SUB: '{0} - {1}',

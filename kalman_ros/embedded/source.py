@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +15,7 @@ from kalman_ros.core import Gaussian, Sensor
 from kalman_ros.estimators.filters.ukf import UnscentedKalmanFilter
 from kalman_ros.estimators.policy import Policy
 
-from .expressions import numbers
+from .expressions import OF_ONE, OF_TWO, numbers
 from .header import header_texts
 from .identifiers import Names
 from .law_text import law_texts
@@ -60,6 +62,26 @@ def loop_files(loop: Loop, name: str, precision: str, source: str) -> dict[str, 
     whole = {f'{name}.c': named('\n'.join(parts), name)}
     files = header_texts(loop, names, precision, source)
     return {file: (whole | files)[file] for file in (f'{name}.h', *whole, *files)}
+
+
+def counting_files(files: Mapping[str, str], name: str) -> dict[str, str]:
+    """Return files of a loop as C++ whose numbers count the operations on them, by name."""
+    functions = ''.join(
+        f'{kind}({each}) '
+        for kind, names in (('OF_ONE', (*OF_ONE, 'fabs', 'log2')), ('OF_TWO', OF_TWO))
+        for each in names
+    )
+    counted = text('counted.hpp').replace('{{functions}}', functions)
+    plain = files[f'{name}.c'].replace(PRECISIONS['float32'].functions, '')
+    number = re.compile(rf'^typedef \w+ {name}_real;$', re.MULTILINE)
+    header = number.sub(f'typedef counted {name}_real;', files[f'{name}.h'])
+    return {
+        'counted.hpp': counted,
+        f'{name}.h': f'#include "counted.hpp"\n{header}',
+        f'{name}.cpp': plain,
+        'check.cpp': files['check.c'],
+        'vectors.txt': files['vectors.txt'],
+    }
 
 
 def filter_source(loop: Loop) -> str:

@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -58,6 +60,9 @@ class Built:
         A bound of the stack in bytes; None where the compiler does not say.
     microseconds
         Time of a step in which every sensor reads.
+    operations
+        Additions, multiplications, divisions and functions of such a step; None without a compiler
+        of C++, which counts them.
     difference
         The largest from what Python computed.
     """
@@ -67,17 +72,20 @@ class Built:
     ram: int
     stack: int | None
     microseconds: float
+    operations: int | None
     difference: float
 
     @property
     def rows(self) -> list[tuple[str, str]]:
         """Names and values of all figures."""
         stack = [] if self.stack is None else [('stack, at most', f'{self.stack} bytes')]
+        count = [] if self.operations is None else [('its operations', str(self.operations))]
         return [
             ('flash: code and constants', f'{self.flash} bytes'),
             ('RAM: the struct', f'{self.ram} bytes'),
             *stack,
             ('a step in which every sensor reads', f'{self.microseconds:.2f} us'),
+            *count,
             ('largest difference from Python', f'{self.difference:.1e}'),
         ]
 
@@ -164,8 +172,32 @@ def build(written: Written) -> Built | None:
         int(said[1]),
         stack if usage else None,
         float(said[2]),
+        _operations(written),
         float(difference),
     )
+
+
+def _operations(written: Written) -> int | None:
+    """Return the operations of a step, which the same source counts as C++; None without C++."""
+    from .source import counting_files  # CasADi is slow to load
+
+    cpp = shutil.which('c++') or shutil.which('g++')
+    if cpp is None:
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        here = Path(folder)
+        texts = {file: (written.folder / file).read_text() for file in written.files}
+        counting = counting_files(texts, written.name)
+        for file, contents in counting.items():
+            (here / file).write_text(contents)
+        sources = [file for file in counting if file.endswith('.cpp')]
+        flags = ['-std=c++17', '-fpermissive', '-w', '-O0', '-DCOUNT']
+        try:
+            _run(here, [cpp, *flags, *sources, '-o', 'count', '-lm'])
+            said = re.search(r'takes (\d+) operations', _run(here, ['./count', 'vectors.txt']))
+        except ValueError:  # a compiler of another kind
+            return None
+    return None if said is None else int(said[1])
 
 
 def _frames(usage: Path) -> int:

@@ -2,6 +2,7 @@
 """The command that writes C: what it prints, and what it refuses in one line."""
 
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -33,6 +34,7 @@ def test_it_writes_builds_checks_and_says_the_sizes(capsys, tmp_path):
     assert re.search(r'flash: code and constants +\d+ bytes', out)
     assert re.search(r'^PASS: \d+ calls as in Python$', out, re.MULTILINE)
     assert re.search(r'largest difference from Python +\d\.\de-1\d', out)
+    assert bool(re.search(r'its operations +\d+', out)) == (shutil.which('c++') is not None)
     files = {each.name for each in (tmp_path / 'c').iterdir()}
     assert files == {'motor.c', 'motor.h', 'check.c', 'vectors.txt', 'Makefile'}
 

@@ -52,6 +52,23 @@ static NAME_outcome correct(NAME_loop *loop, int index, const NAME_real *y, cons
     }
 }
 
+#ifdef COUNT
+/* Operations of a step in which every sensor reads. */
+static unsigned long long counted_step(const NAME_loop *end)
+{
+    static NAME_loop loop;
+    NAME_real u[M + 1] = {0};
+    loop = *end;
+    operations = 0;
+    NAME_predict(&loop, (NAME_real){{dt}});
+    for (int index = 0; index < PREFIX_SENSORS; index++)
+        correct(&loop, index, last[index], 0);
+{{control}}
+    (void)u;
+    return operations;
+}
+#endif
+
 /* Microseconds of a step in which every sensor reads, of the best of some batches of steps. */
 static double step(const NAME_loop *end)
 {
@@ -130,6 +147,10 @@ int main(int argc, char **argv)
     }
     fclose(file);
     (void)u;
+#ifdef COUNT
+    printf("check: a step takes %llu operations\n", counted_step(&loop));
+    return 0;
+#endif
     printf("check: the struct has %zu bytes; a step in which every sensor reads takes %.3f us\n",
            sizeof loop, step(&loop));
     printf("check: PASS: %ld calls, largest difference %.1e (allowed %.0e)\n", calls - 1,
