@@ -539,6 +539,41 @@ def test_stamps_are_multiples_of_the_time_to_which_they_are_rounded(grid):
 
 
 @pytest.mark.parametrize(
+    ('grid', 'every', 'jitter', 'found'),
+    [
+        (0.2, 0.04, 0.0, True),
+        (0.2, 0.099, 0.0, True),
+        (0.2, 0.12, 0.0, False),  # most stamps are of one reading
+        (0.2, 0.04, 0.013, True),
+        (0.2, 0.04, 0.019, False),  # they come in pairs
+        (0.5, 0.04, 0.0, False),  # too few stamps
+    ],
+)
+@pytest.mark.parametrize('half', [0.0, 0.5])
+def test_readings_that_come_one_by_one_and_share_stamps_are_rounded(
+    grid, every, jitter, found, half
+):
+    """Downwards, or to the nearest."""
+    time = 0.011 + every * np.arange(120.0)
+    received = time + 0.002 + jitter * np.resize([1.0, -1.0], 120)
+    stamp = np.floor(time / grid + half) * grid
+    evidence = case(record(stamp, received)).evidence
+    findings = [*stamps._find_shared(evidence, 'position', evidence.sensors['position'])]
+    assert bool(findings) is found
+    if found:
+        mended = findings[0].mended().sensors['position'].stamp
+        taken = evidence.sensors['position'].received - received + time
+        np.testing.assert_allclose(mended, taken, atol=every + jitter + 0.02)
+
+
+def test_a_reading_sent_twice_is_not_rounded():
+    stamp = np.repeat(0.1 * np.arange(40.0), 2)
+    received = stamp + np.resize([0.002, 0.003], 80)
+    evidence = case(record(stamp, received)).evidence
+    assert [*stamps._find_shared(evidence, 'position', evidence.sensors['position'])] == []
+
+
+@pytest.mark.parametrize(
     ('every', 'count', 'found'),
     [(0.193, 41, True), (0.207, 41, False), (0.0333, 21, True), (0.0333, 20, False)],
 )

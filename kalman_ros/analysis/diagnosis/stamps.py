@@ -23,6 +23,8 @@ from .passage import explained, passage, usable
 _AHEAD, _BEHIND = 0.005, 0.02
 #: A drift of a clock over the recording by less than this time (s) is harmless.
 _DRIFTED = 0.005
+#: Readings come one by one if nearly all are at least this share of the usual time apart.
+_ONE_BY_ONE = 0.3
 #: Stamps may be rounded to one of these times (s), which matters above a share of their distance.
 _GRIDS, _COARSE, _ENOUGH = (1.0, 0.1, 0.05, 0.02, 0.01, 0.005, 0.001), 0.05, 20
 
@@ -32,6 +34,7 @@ def find(case: Examination) -> Iterator[Finding]:
     for name, record in case.evidence.sensors.items():
         if len(record) > 2:
             yield from _find_zero(case.evidence, name, record)
+            yield from _find_shared(case.evidence, name, record)
             yield from _find_duplicates(case, name, record)
             yield from _find_backward(case, name, record)
             yield from _find_rounded(name, record)
@@ -110,6 +113,30 @@ def _find_backward(case: Examination, name: str, record: SensorRecord) -> Iterat
             'takes them in their place while they are within its window.',
             inf, figure=picture(name, record, 'latency'), **_selection(case, name, record, order)
         )  # fmt: skip
+
+
+def _find_shared(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[Finding]:
+    """Yield a finding if several readings in a row share each stamp, and come one by one."""
+    if not record.stamped.all():
+        return
+    stamps, groups = np.unique(np.round(record.stamp, 6), return_counts=True)
+    gaps = np.diff(record.received)
+    if len(stamps) < _ENOUGH or np.median(groups) < 2:
+        return
+    usual = float(np.median(gaps))
+    if usual <= 0.0 or float(np.quantile(gaps, 0.05)) < _ONE_BY_ONE * usual:
+        return
+    apart = float(np.median(np.diff(stamps)))
+    # none is received before it is taken: the least latency is that of a stamp that lost nothing
+    stamp = record.received - max(float(latency(record).min()), 0.0)
+    yield Finding(
+        'stamps rounded', name,
+        f'{int(np.median(groups))} readings of {name} in a row have one stamp, a multiple of '
+        f'{apart:.3g} s, while they are received every {usual:.3g} s: they are rounded. Stamp '
+        'them with all digits of the clock.',
+        inf, figure=picture(name, record, 'stamps that are rounded'),
+        mended=lambda: evidence.with_sensor(name, replace(record, stamp=stamp)),
+    )  # fmt: skip
 
 
 def _find_rounded(name: str, record: SensorRecord) -> Iterator[Finding]:
