@@ -23,6 +23,8 @@ from .passage import explained, passage, usable
 _AHEAD, _BEHIND = 0.005, 0.02
 #: A drift of a clock over the recording by less than this time (s) is harmless.
 _DRIFTED = 0.005
+#: Stamps are shared if each has this number of readings on average.
+_SEVERAL = 1.9
 #: Readings come one by one if nearly all are at least this share of the usual time apart.
 _ONE_BY_ONE = 0.3
 #: Stamps may be rounded to one of these times (s), which matters above a share of their distance.
@@ -121,9 +123,9 @@ def _find_shared(evidence: Evidence, name: str, record: SensorRecord) -> Iterato
         return
     stamps, groups = np.unique(np.round(record.stamp, 6), return_counts=True)
     gaps = np.diff(record.received)
-    if len(stamps) < _ENOUGH or np.median(groups) < 2:
+    if len(stamps) < _ENOUGH or np.mean(groups) < _SEVERAL:
         return
-    usual = float(np.median(gaps))
+    usual = float(np.mean(gaps))
     if usual <= 0.0 or float(np.quantile(gaps, 0.05)) < _ONE_BY_ONE * usual:
         return
     apart = float(np.median(np.diff(stamps)))
