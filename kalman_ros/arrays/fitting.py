@@ -17,6 +17,7 @@ from kalman_ros.analysis.tuning.likelihood import Likelihood
 from kalman_ros.analysis.tuning.observations import Observations, Readings
 from kalman_ros.analysis.tuning.walk import Conditions
 from kalman_ros.core import Array, ArrayLike
+from kalman_ros.estimators.diffuse import check_start
 from kalman_ros.estimators.policy import Policy
 
 from . import text
@@ -181,6 +182,8 @@ def tune(
         raise ValueError('readings: expected at least one finite number, got none')
     acts = _inputs(task.model, inputs, input_times, times, rows)
     observations = _observations(rows, acts)
+    first = made.candidate({each.name: each.start for each in made.parameters})
+    check_start(first.filter, first.initial, first.sensors, 'initial')
     limits = gate_limits(gates, task.sensors, {name: name for name in task.sensors})
     policy = Policy(window=0.0, max_gap=0.0, restart_after=0, gates=limits)
     until = observations.until(1.0 - share) if share else None

@@ -95,7 +95,7 @@ class Pass:
                 task.model.periods((stamp - first) * 1e-9)
         self._shown = {stamp for each in rows.values() for stamp in each.stamps}
         self._filter = build_filter(task.filter, _plan(task, rows), options)
-        check_start(self._filter, task.initial, 'initial')
+        check_start(self._filter, task.initial, task.sensors, 'initial')
         before = np.zeros(task.model.input.size)
         limits = gate_limits(gates, known, owners)
         policy = Policy(window=0.0, max_gap=0.0, restart_after=0, gates=limits)

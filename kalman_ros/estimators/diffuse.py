@@ -3,27 +3,31 @@
 
 Such a belief is the limit of a covariance P + c U for c to infinity. Both parts move through
 predictions, U by F U F' alone, and readings take directions out of U, one number at a time. With
-the row h of a number with variance r, f = h P h' + r, f_u = h U h', m = P h' and m_u = U h',
+the row h of a number with variance r, f = h P h' + r and f_u = h U h',
 
-    f_u > 0:  k = m_u / f_u,   U <- U - k m_u',   P <- P - m k' - k m' + f k k',
-    f_u = 0:  k = m / f,       P <- P - k m',
+    k = U h' / f_u  if f_u > 0,  else  k = P h' / f,       T = I - k h,
+    x <- x + k v,   P <- T P T' + r k k',   U <- T U T'.
 
-and x <- x + k v. A number of the first kind adds -1/2 log f_u to the log-likelihood, as for R's
+A number of the first kind adds -1/2 log f_u to the log-likelihood, as for R's
 KFAS and statsmodels (J. Durbin and S. J. Koopman, Time Series Analysis by State Space Methods,
 second edition, 2012, sections 5.2, 6.4 and 7.2.2). Once U is zero, the belief is an ordinary one.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from kalman_ros.core import Array, Gaussian
+from kalman_ros.core import Array, Gaussian, Sensor
 from kalman_ros.linear.batched import product
 
-#: A share of the largest entry of U, by which a smaller one is rounding.
-_ROUNDING = 1e-12
+#: A share of the largest variance in U, below which one is rounding of a correction, or of a step.
+_ROUNDING, _ROUNDING_OF_STEPS = 1e-14, 1e-15
+#: How far unknown states are moved to see whether a Jacobian depends on them, in their unit, the
+#: seconds of a step for that, and a share of the largest entry that is rounding.
+_MOVED, _STEP, _SAME = 0.7, 0.1, 1e-6
 #: Names of filters that start so, for errors.
 _EXPECTED = 'expected kf or ekf'
 
@@ -44,6 +48,7 @@ class Diffuse(Gaussian):
 
     def __new__(cls, mean: Array, known: Array, unknown: Array) -> Diffuse:
         """Return the belief, with infinities for what is unknown in its covariance."""
+        unknown = _without_rounding(unknown, _ROUNDING_OF_STEPS * _largest(unknown))
         with np.errstate(invalid='ignore'):
             covariance = np.where(unknown == 0.0, known, np.copysign(np.inf, unknown))
         self: Diffuse = tuple.__new__(cls, (mean, covariance))
@@ -88,13 +93,42 @@ def known_part(belief: Gaussian) -> Gaussian:
     return belief.finite if isinstance(belief, Diffuse) else belief
 
 
-def check_start(filter: Any, belief: Gaussian, name: str = 'initial_std') -> None:
-    """Raise ValueError if a filter cannot start from the infinite variances of a belief."""
-    if not filter.diffuse and np.isinf(belief.covariance).any():
+def check_start(
+    filter: Any, belief: Gaussian, sensors: Mapping[str, Sensor], name: str = 'initial_std'
+) -> None:
+    """Raise ValueError if a filter cannot start from the infinite variances of a belief.
+
+    A model or a sensor that is not linear in a state is linearised about it, so that it has to be
+    known.
+    """
+    unknown = np.isinf(belief.covariance.diagonal())
+    if not unknown.any():
+        return
+    if not filter.diffuse:
         raise ValueError(
             f'{name}: a start from infinite variances takes another filter: {_EXPECTED}, got '
             f'{type(filter).__name__}'
         )
+    if filter.needs_linear:
+        return
+    model, here = filter.model, belief.mean
+    there = here + np.where(unknown, _MOVED * (1.0 + np.arange(here.size) / here.size), 0.0)
+    u = model.equilibrium.input
+    dt = model.period if model.is_discrete else _STEP
+
+    def slopes(x: Array) -> dict[str, Array]:
+        found = {name: each.jacobian(x) for name, each in sensors.items()}
+        return {**found, 'the model': model.linearized_step(x, u, dt)[1]}
+
+    after = slopes(there)
+    for what, before in slopes(here).items():
+        changed = np.abs(after[what] - before).max(initial=0.0)
+        if changed > _SAME * np.abs((before, after[what])).max(initial=0.0):
+            listed = ', '.join(n for n, each in zip(model.state.names, unknown) if each)
+            raise ValueError(
+                f'{name}: expected finite numbers for what {what} is not linear in, got infinite '
+                f'ones for {listed}'
+            )
 
 
 class Update(NamedTuple):
@@ -121,7 +155,7 @@ def update(belief: Diffuse, innovation: Array, H: Array, R: Array) -> Update:
     H, r = product(W, H), product(product(W, R), W.swapaxes(-1, -2)).diagonal(axis1=-2, axis2=-1)
     P = np.broadcast_to(belief.known, (*lead, n, n))
     U = np.broadcast_to(belief.unknown, (*lead, n, n))
-    least = _ROUNDING * np.abs(U).max(axis=(-2, -1))
+    least = _ROUNDING * _largest(U)
     gain, rows = np.zeros((*lead, n, k)), np.zeros((*lead, k, k))
     D, known = np.zeros((*lead, k)), np.zeros((*lead, k), dtype=bool)
     for i in range(k):
@@ -135,13 +169,10 @@ def update(belief: Diffuse, innovation: Array, H: Array, R: Array) -> Update:
         # v = row nu, by what the numbers before it have changed
         rows[..., i, :] = row = W[..., i, :] - _times(gain.swapaxes(-1, -2), h)
         gain = gain + _outer(gained, row)
-        both = sure[..., np.newaxis, np.newaxis]
-        of_known = _outer(gained, m)
-        learnt = of_known + of_known.swapaxes(-1, -2) - f[..., None, None] * _outer(gained, gained)
-        P = P - np.where(both, of_known, learnt)
-        U = np.where(both, U, U - _outer(gained, m_u))
-        U = np.where(np.abs(U) > least[..., np.newaxis, np.newaxis], U, 0.0)
-    P = 0.5 * (P + P.swapaxes(-1, -2))
+        T = np.eye(n) - _outer(gained, h)
+        noise = r[..., i, np.newaxis, np.newaxis] * _outer(gained, gained)
+        P, U = _congruent(T, P) + noise, _congruent(T, U)
+        U = _without_rounding(U, least)
     v = np.where(known, _times(rows, innovation), 0.0)
     back = np.linalg.inv(rows)
     S = product(back * D[..., np.newaxis, :], back.swapaxes(-1, -2))
@@ -158,6 +189,23 @@ def _whitening(R: Array) -> Array:
 
 def _times(A: Array, x: Array) -> Array:
     return np.asarray((A @ x[..., np.newaxis])[..., 0])
+
+
+def _largest(U: Array) -> Array:
+    """Return the largest variance in U (...,)."""
+    return np.asarray(U.diagonal(axis1=-2, axis2=-1).max(axis=-1))
+
+
+def _without_rounding(U: Array, least: Array) -> Array:
+    """Return U without states whose variance in it is not above the ``least`` one (...,)."""
+    none = U.diagonal(axis1=-2, axis2=-1) <= least[..., np.newaxis]
+    return np.asarray(np.where(none[..., :, np.newaxis] | none[..., np.newaxis, :], 0.0, U))
+
+
+def _congruent(T: Array, A: Array) -> Array:
+    """Return T A T', symmetric to the last bit."""
+    found = product(product(T, A), T.swapaxes(-1, -2))
+    return np.asarray(0.5 * (found + found.swapaxes(-1, -2)))
 
 
 def _outer(a: Array, b: Array) -> Array:

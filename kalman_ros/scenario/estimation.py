@@ -92,7 +92,7 @@ def estimation(
         options = scenario.filter_options
     built = build_filter(kind, plan, options, implementation)
     weighed = by_innovation(scenario, policy or Policy())
-    check_start(built, believed.initial)
+    check_start(built, believed.initial, fast.sensors)
     if built.fixed_gain:
         _check_fixed(scenario, kind)
     return Estimation(

@@ -228,3 +228,60 @@ def test_in_a_loop_of_ones_own():
         belief = filter.correct(belief, y[k], (H, R)).posterior
     whole = kr.filter(model, (H, R), DT * np.arange(STEPS), y, initial='diffuse')
     np.testing.assert_allclose(belief.mean, whole.mean[-1], rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ('name', 'state', 'what'),
+    [
+        ('lidar_radar', 'x', 'radar'),
+        ('gnss_imu', 'psi', 'the model'),
+        ('inertial', 'z', 'barometer'),
+        ('robot_3d', 'rz', 'imu'),
+    ],
+)
+def test_a_state_about_which_something_is_linearised_has_to_be_known(name, state, what):
+    robot = kr.load(name)
+    run = kr.simulate(name, seconds=1, seed=1)
+    mean, P = robot.initial_belief.mean, robot.initial_belief.covariance.diagonal().copy()
+    P[robot.model.state.names.index(state)] = np.inf
+    said = f'^initial: expected finite numbers for what {what} is not linear in, .* for {state}$'
+    with pytest.raises(ValueError, match=said):
+        kr.filter(robot, None, *rows_of(run), initial=(mean, P), filter='ekf')
+
+
+def rows_of(run):
+    """Return the times and the values of all readings, by sensor."""
+    times = {name: each.time for name, each in run.readings.items()}
+    return times, {name: each.values for name, each in run.readings.items()}
+
+
+@pytest.mark.parametrize('name', ['inertial', 'robot_3d'])
+def test_a_place_in_space_may_be_unknown(name):
+    robot = kr.load(name)
+    run = kr.simulate(name, seconds=2, seed=1)
+    given = {'inputs': run.input, 'input_times': run.time} if robot.model.input.size else {}
+    P = robot.initial_belief.covariance.diagonal().copy()
+    found = []
+    for variance in (1e8, np.inf):
+        P[:2] = variance
+        start = (robot.initial_belief.mean, P)
+        found.append(kr.filter(robot, None, *rows_of(run), initial=start, filter='ekf', **given))
+    near, exact = found
+    known = np.isfinite(exact.std).all(axis=1)
+    assert known[-1] and (np.diff(known.astype(int)) >= 0).all()
+    np.testing.assert_allclose(exact.mean[-1], near.mean[-1], rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(exact.std[-1], near.std[-1], rtol=1e-3)
+
+
+def test_what_hardly_shows_is_not_taken_for_known():
+    """An acceleration moves the third of readings 10 ms apart by 1e-4 of it."""
+    A = np.diag([1.0, 1.0, 1.0], 1)[:4, :4]
+    model = kr.continuous_model(A, W=np.array([0.0, 0.0, 0.0, 1e-6]))
+    times = 0.01 * np.arange(8)
+    truth = 2.0 + 3.0 * times + 2.5 * times**2 + 7.0 / 6.0 * times**3
+    found = kr.filter(model, ([1.0, 0.0, 0.0, 0.0], 1e-18), times, truth, initial='diffuse')
+    assert np.isinf(found.std[2]).any() and np.isfinite(found.std[3:]).all()
+    now = times[-1]
+    expected = [truth[-1], 3.0 + 5.0 * now + 3.5 * now**2, 5.0 + 7.0 * now, 7.0]
+    np.testing.assert_allclose(found.mean[-1], expected, rtol=1e-3)
+    assert (found.covariance[-1].diagonal() > 0.0).all()
