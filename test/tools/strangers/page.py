@@ -19,11 +19,15 @@ users do: the executable, with its windows, gates and outcomes. Made by
   package: **this is the figure that counts.** After these results two rules were changed, and are
   applied in this table: noise that is too large comes last, and before it what explains less than
   5 % of the misfit; noise in common has to exceed what successive innovations have in common.
+  Found since, and not in this table: inches, and stamps that several readings share.
 - *real*: faults injected into six real recordings (a robot on wheels, a car, ranges of radio
   beacons, lidar and radar, a pendulum, an IMU in a hand), and these as they are. Two causes of
   false alarms in them were mended after a first score.
 - *first* and *second*: other simulated systems. Causes that they have and the doctor lacked were
-  added since, so that their figures would flatter it; where they are missing they were not scored.
+  added since, so that their shares of right causes flatter it.
+
+How sure it is was calibrated on *third* and *real*; *first* and *second* test that. A delay by
+which no reading is lost is a note, and no finding.
 
 A cause is right if its kind and its sensor, input or parameter are; it is *tied* where the first
 finding adds that the right one fits as well. Faults that a real recording has already count
@@ -72,13 +76,19 @@ def _lines(rows: Mapping[str, Sequence[Row]]) -> Iterator[str]:
         yield f'| {name} | {" | ".join(cells)} |'
     everything = [row for of in rows.values() for row in of]
     yield '\n## How sure it says that it is\n'
-    yield 'First findings of all sets:\n'
-    yield '| sure | right |\n|---|--:|'
-    claimed = [row for row in everything if row.certainty > 0.0]
+    yield 'First findings that are right:\n'
+    yield f'| sure | {" | ".join(rows)} |'
+    yield '|---|' + '--:|' * len(rows)
     for index, (least, text) in enumerate(_CERTAIN):
         most = _CERTAIN[index - 1][0] if index else 2.0
-        of = [row for row in claimed if least <= row.certainty < most]
-        yield f'| {text} | {_share(sum(row.rank == 1 for row in of), len(of))} |'
+        right = (
+            _share(sum(row.rank == 1 for row in said), len(said))
+            for said in (
+                [row for row in of if row.certainty > 0.0 and least <= row.certainty < most]
+                for of in rows.values()
+            )
+        )
+        yield f'| {text} | {" | ".join(right)} |'
     sized = [row for row in everything if row.interval]
     inside = sum(row.interval == 'in' for row in sized)
     yield f'\nIntervals that contain the size of the fault: {_share(inside, len(sized))}.'

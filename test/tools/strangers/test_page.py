@@ -32,7 +32,7 @@ def test_it_counts_by_set_certainty_and_kind(tmp_path: Path) -> None:
     text = page.read_text()
     assert '| first | 1 of 1 (100 %) | 0 | 1 of 1 (100 %) | 0 of 2 (0 %) | 0 of 1 (0 %) |' in text
     assert '| second | 0 of 1 (0 %) | 0 | 0 of 1 (0 %) | 1 of 1 (100 %) | 0 of 0 (0 %) |' in text
-    assert '| 90 to 99 % | 1 of 2 (50 %) |' in text
+    assert '| 90 to 99 % | 1 of 1 (100 %) | 0 of 1 (0 %) |' in text
     assert '| sign | 1 of 1 |  |' in text
     assert (
         '| ferry_antenna | lever arm of gnss: 12 m forward, declared 0 | bias of compass' in text
