@@ -235,9 +235,10 @@ def belief_of(initial: Any, model: Dynamics, name: str = 'initial') -> Gaussian:
     if isinstance(initial, (list, np.ndarray)) and len(initial) == 2 and np.size(initial[0]) == n:
         initial = tuple(initial)
     if not isinstance(initial, tuple) or len(initial) < 2:
+        first = f" at the first time, or '{DIFFUSE}'" if name == 'initial' else ''
         raise ValueError(
-            f'{name}: expected a Gaussian or a pair of mean and covariance'
-            f'{" at the first time" if name == "initial" else ""}, got {got(initial)}'
+            f'{name}: expected a Gaussian or a pair of mean and covariance{first}, '
+            f'got {got(initial)}'
         )
     mean, covariance = initial[0], initial[1]
     mean = by_name(f'{name} mean', mean, model.state)
@@ -253,6 +254,8 @@ def _with_unknown(name: str, covariance: Any, n: int) -> Array:
         return weight(name, array, n)
     if array.shape == (n * n,):
         array = array.reshape(n, n)
+    if np.isnan(array).any():
+        raise ValueError(f'{name}: expected numbers, got NaN')
     infinite = np.isposinf(array.diagonal() if array.ndim == 2 else array)
     beside = infinite[:, np.newaxis] | infinite if array.ndim == 2 else infinite
     P = weight(name, np.where(beside, np.eye(*array.shape) if array.ndim == 2 else 1.0, array), n)

@@ -174,7 +174,8 @@ def _nees(run: Any, truth: Any) -> Array | None:
     states = states.reshape(-1, 1) if states.ndim == 1 else states
     if states.shape != run.mean.shape:
         raise ValueError(f'truth: expected shape {run.mean.shape}, got {states.shape}')
-    return nees(run.state.subtract(states, run.mean), run.covariance)
+    known = np.isfinite(run.std).all(axis=1)
+    return nees(run.state.subtract(states, run.mean)[known], run.covariance[known])
 
 
 def _effective(values: Array) -> float:
@@ -204,9 +205,11 @@ def _check(
 
 def _nis(name: str, series: Sequence[Innovations], miss: float) -> ConsistencyCheck | None:
     """Return the check of a sensor's NIS, which is white in time; None without readings."""
-    degrees = sum(int(np.isfinite(each.values).sum()) for each in series)
+    # a reading of which nothing was known has none
+    judged = [np.isfinite(each.nis) for each in series]
+    degrees = sum(int(np.isfinite(each.values[rows]).sum()) for each, rows in zip(series, judged))
     if not degrees:
         return None
-    total = sum(float(each.nis.sum()) for each in series)
-    count = sum(len(each.nis) for each in series)
+    total = sum(float(np.nansum(each.nis)) for each in series)
+    count = sum(int(rows.sum()) for rows in judged)
     return _check(f'NIS of {name}', total / degrees, 2.0 / degrees, count, miss, _NIS_HINTS)

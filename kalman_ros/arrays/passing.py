@@ -13,7 +13,7 @@ import numpy as np
 from kalman_ros.core import Array, Dynamics, Gaussian, Sensor, TimedSensor, Value
 from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.consistency import chi_square_gate
-from kalman_ros.estimators.diffuse import check_start
+from kalman_ros.estimators.diffuse import Diffuse, check_start
 from kalman_ros.estimators.filter import Correction
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.outcome import Outcome
@@ -45,12 +45,12 @@ class _Log:
     row: list[int] = field(default_factory=list)
     corrections: list[tuple[Array, Array, float]] = field(default_factory=list)
 
-    def add(self, time: float, row: int, correction: Correction) -> None:
+    def add(self, time: float, row: int, correction: Correction, nis: float) -> None:
         """Add the correction by a row."""
         self.time.append(time)
         self.row.append(row)
         variances = correction.innovation_covariance.diagonal()
-        self.corrections.append((correction.innovation, variances, correction.nis))
+        self.corrections.append((correction.innovation, variances, nis))
 
     def innovations(self, rows: Array) -> Innovations:
         """Return all innovations as arrays; values missing in ``rows`` (N, k) stay NaN."""
@@ -111,10 +111,12 @@ class Pass:
         nis, degrees, likelihood = [], [], 0.0
         steps: list[Filtered] = []
         for stamp in stamps:
-            step, corrections = self._step(stamp)
+            known = not isinstance(self._online.belief, Diffuse)
+            step, corrections = self._step(stamp, known=known)
             steps.append(step)
-            nis.append(sum(c.nis for c in corrections) if corrections else np.nan)
-            degrees.append(sum(c.innovation.size for c in corrections))
+            judged = corrections if known else []
+            nis.append(sum(c.nis for c in judged) if judged else np.nan)
+            degrees.append(sum(c.innovation.size for c in judged))
             likelihood += sum(c.log_likelihood for c in corrections)
         shown = [index for index, stamp in enumerate(stamps) if stamp in self._shown]
         return Estimates(
@@ -142,15 +144,19 @@ class Pass:
         sensors = {name: self._task.sensors[name] for name in self._rows}
         return {name: each.jacobian(rest) for name, each in sensors.items() if each.linear}
 
-    def _step(self, stamp: int) -> tuple[Filtered, list[Correction]]:
-        """Process the rows of one time; return the belief after it and the fused readings."""
+    def _step(self, stamp: int, *, known: bool) -> tuple[Filtered, list[Correction]]:
+        """Process the rows of one time; return the belief after it and the fused readings.
+
+        Readings have no NIS unless all states were ``known`` before.
+        """
         online, fused, restarts = self._online, list[Correction](), self._online.restarts
         broken = False
         for name, sensor, index, y in self._readings.get(stamp, ()):
             outcome, correction = online.add_reading(sensor.name, stamp, y)
             self.counts[name][outcome.value] += 1
             if correction is not None:
-                self._logs[name].add(self._seconds[stamp], index, correction)
+                nis = float(correction.nis) if known else np.nan
+                self._logs[name].add(self._seconds[stamp], index, correction, nis)
             if outcome.accepted and correction is not None:
                 fused.append(correction)
             broken |= outcome is Outcome.RECOVERED

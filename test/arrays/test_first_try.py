@@ -122,7 +122,7 @@ HELPED = [
     (lambda: (lambda x, P: x)(*FOUND), 'take .mean (N, n) and .covariance (N, n, n)'),
     (lambda: kr.smooth((FOUND.mean, FOUND.covariance)), 'expected what kr.filter returns, got'),
     (lambda: filtered(initial=None), 'initial: expected a Gaussian or a pair of mean and covar'),
-    (lambda: filtered(initial=[0, 0]), 'mean and covariance at the first time, got [0, 0]'),
+    (lambda: filtered(initial=[0, 0]), "at the first time, or 'diffuse', got [0, 0]"),
     (lambda: filtered(0.1), 'times: expected one time a row, 20, got the number 0.1'),
     (lambda: filtered(None), 'times: expected times (N,) in seconds, got nothing'),
     (lambda: filtered(readings=READINGS[:-1]), 'readings: expected 20 rows, one a time, got 19'),

@@ -285,3 +285,28 @@ def test_what_hardly_shows_is_not_taken_for_known():
     expected = [truth[-1], 3.0 + 5.0 * now + 3.5 * now**2, 5.0 + 7.0 * now, 7.0]
     np.testing.assert_allclose(found.mean[-1], expected, rtol=1e-3)
     assert (found.covariance[-1].diagonal() > 0.0).all()
+
+
+def test_readings_of_which_nothing_was_known_are_not_judged():
+    model, sensor = system(4)
+    times, truth = DT * np.arange(60), np.zeros((60, N))
+    F, _, Q = model.sampled(DT)
+    rng = np.random.default_rng(4)
+    for k in range(1, 60):
+        truth[k] = F @ truth[k - 1] + np.linalg.cholesky(Q) @ rng.normal(size=N)
+    H, R = sensor
+    y = truth @ np.transpose(H) + rng.normal(size=(60, K)) @ np.linalg.cholesky(R).T
+    found = kr.filter(model, sensor, times, y, initial='diffuse')
+    assert np.isnan(found.nis[:2]).all() and np.isfinite(found.nis[2:]).all()
+    assert found.degrees.tolist() == [0, 0, *[K] * 58]
+    report = kr.consistency(found, truth)
+    assert report.passed
+    assert [check.count for check in report.checks] == [59, 58]
+
+
+def test_a_nan_is_no_infinity():
+    model, sensor = system()
+    P = np.diag([np.inf, 1.0, 1.0])
+    P[0, 1] = P[1, 0] = np.nan
+    with pytest.raises(ValueError, match='^initial covariance: expected numbers, got NaN'):
+        kr.filter(model, sensor, [0.0], [[1.0, 1.0]], initial=(np.zeros(N), P))
