@@ -23,11 +23,11 @@ users do: the executable, with its windows, gates and outcomes. Made by
 - *real*: faults injected into six real recordings (a robot on wheels, a car, ranges of radio
   beacons, lidar and radar, a pendulum, an IMU in a hand), and these as they are. Two causes of
   false alarms in them were mended after a first score.
-- *first* and *second*: other simulated systems. Causes that they have and the doctor lacked were
-  added since, so that their shares of right causes flatter it.
+- *first*, and *second* where it is listed: other simulated systems. Causes that they have and the
+  doctor lacked were added since, so that their shares of right causes flatter it.
 
-How sure it is was calibrated on *third* and *real*; *first* and *second* test that. A delay by
-which no reading is lost is a note, and no finding.
+How sure it is was calibrated on *third* and *real*, and is tested by the others. A delay by which
+no reading is lost is a note, and no finding.
 
 A cause is right if its kind and its sensor, input or parameter are; it is *tied* where the first
 finding adds that the right one fits as well. Faults that a real recording has already count
