@@ -163,12 +163,7 @@ def plant(A: Any, B: Any = None) -> Plant:
     if isinstance(A, Dynamics):
         model: Any = A
         names = model.state.names, model.input.names
-        if not is_still(model, model.equilibrium):
-            raise ValueError(
-                f'A: the model does not rest where it is linearised: '
-                f'{unrest(model, model.equilibrium)}; give it as equilibrium=... what '
-                f'kr.trim(model) finds'
-            )
+        check_still('A', model)
         if model.is_discrete:
             F, G = model.next_jacobian(*model.equilibrium)
             return Plant(F, G, *names, model.period)
@@ -224,6 +219,16 @@ def refuse_continuous(name: str, value: Any) -> None:
         raise ValueError(
             f'{name}: expected a system in discrete time, got one in continuous time; '
             'kr.discretize samples it, and lqr has dt=...'
+        )
+
+
+def check_still(name: str, model: Dynamics) -> None:
+    """Raise ValueError if a model does not rest at its equilibrium."""
+    if not is_still(model, model.equilibrium):
+        raise ValueError(
+            f'{name}: the model does not rest where it is linearised: '
+            f'{unrest(model, model.equilibrium)}; give it as equilibrium=... what kr.trim(model) '
+            'finds'
         )
 
 

@@ -221,7 +221,7 @@ class LoopMargins(tuple[InputMargins, ...]):
         if len(self) < 2:
             return []
         # 2 is an end, beyond which rounding would print gains of 1e15
-        disk = replace(self.all_at_once, alpha=round(self.all_at_once.alpha, 9))
+        disk = replace(self.all_at_once, alpha=round(self.all_at_once.alpha, 5))
         return [
             f'all inputs at once: gain {disk.lower_gain:.3g} to {disk.upper_gain:.3g}, '
             f'phase +-{np.degrees(disk.phase):.3g} deg, disk {disk.alpha:.3g}'

@@ -29,6 +29,7 @@ from kalman_ros.linear import placement
 
 from .accept import (
     Plant,
+    check_still,
     columns,
     duration,
     is_system,
@@ -258,6 +259,7 @@ def discretize(
     array([0.005, 0.1  ])
     """
     if isinstance(A, Dynamics):
+        check_still('A', A)
         seconds = duration('dt', B if dt is None else dt)
         model = A if A.is_discrete else linearize(A, *A.equilibrium)
         step = model.transition(*A.equilibrium, seconds)

@@ -6,9 +6,10 @@ The mathematics is that of `kalman_ros.estimators`; what stands here converts an
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -18,11 +19,24 @@ from kalman_ros.estimators.filter import Correction
 from kalman_ros.estimators.filters import ekf, kf, ukf
 
 from .accept import belief_of, finite, seconds
+from .known_names import KnownNames
 from .rows import model_of, sensors_of
 
 
-class _Checked:
+class Stepwise(KnownNames):
     """Conversion of arguments in front of a filter: no belief that is invalid goes in."""
+
+    other_names: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(('x', 'x_post', 'x_prior'), "a belief's .mean: a filter keeps none"),
+        **dict.fromkeys(('P', 'P_post', 'P_prior'), "a belief's .covariance: a filter keeps none"),
+        **dict.fromkeys(('F', 'A', 'B', 'G', 'Q'), 'of .model'),
+        **dict.fromkeys(('H', 'R'), 'of a sensor: correct(belief, y, (H, R))'),
+        'update': '.correct(belief, y, (H, R)), whose result has .posterior',
+        'batch_filter': 'kr.filter(model, sensors, times, readings)',
+        **dict.fromkeys(('likelihood', 'log_likelihood'), '.log_likelihood of a correction'),
+        **dict.fromkeys(('y', 'residual'), '.innovation of a correction'),
+        **dict.fromkeys(('K', 'S'), '.gain and .innovation_covariance of a correction'),
+    }
 
     model: Any
 
@@ -122,7 +136,7 @@ class _Checked:
 
 
 @dataclass(frozen=True)
-class KalmanFilter(_Checked, kf.KalmanFilter):
+class KalmanFilter(Stepwise, kf.KalmanFilter):
     """The optimal estimator of a linear system with Gaussian noise.
 
     Steps are discretised exactly for their length, so readings may be irregular.
@@ -144,7 +158,7 @@ class KalmanFilter(_Checked, kf.KalmanFilter):
 
 
 @dataclass(frozen=True)
-class ExtendedKalmanFilter(_Checked, ekf.ExtendedKalmanFilter):
+class ExtendedKalmanFilter(Stepwise, ekf.ExtendedKalmanFilter):
     """A Kalman filter of a model and sensors that are linearised about the estimate.
 
     Parameters
@@ -160,7 +174,7 @@ class ExtendedKalmanFilter(_Checked, ekf.ExtendedKalmanFilter):
 
 
 @dataclass(frozen=True)
-class UnscentedKalmanFilter(_Checked, ukf.UnscentedKalmanFilter):
+class UnscentedKalmanFilter(Stepwise, ukf.UnscentedKalmanFilter):
     """A Kalman filter that passes 2n + 1 points through a model and its sensors.
 
     Parameters

@@ -14,7 +14,7 @@ from kalman_ros.core import Array
 WIDTH = 79
 _MOST_COLUMNS = 8
 #: Share of the largest number of a matrix that rounding has.
-_ROUNDING = 1e-16
+_ROUNDING = 1e-15
 
 
 def number(value: complex) -> str:

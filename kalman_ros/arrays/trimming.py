@@ -23,7 +23,7 @@ from kalman_ros.core import (
 )
 from kalman_ros.core import linearize as linear_system
 
-from .accept import number, numbers
+from .accept import check_still, number, numbers
 from .foreign import is_foreign
 
 #: A state and an input, or values of some of them by name; others are at the equilibrium.
@@ -100,6 +100,8 @@ def linearize(
     (4, 4)
     """
     _check(model)
+    if point is None:
+        check_still('model', model)
     both: Any = point
     if input is not None:
         if point is None or isinstance(point, Mapping):
@@ -118,7 +120,9 @@ def _check(model: Any) -> None:
     """Raise ValueError if it is no model; the message has what makes one."""
     if not isinstance(model, Dynamics):
         hint = '; a linear system rests at 0' if is_foreign(model) else ''
-        hint = f"; that of a scenario is kr.load('{model}').model" if str(model) == model else hint
+        hint = (
+            f"; that of a scenario is kr.load('{model}').model" if isinstance(model, str) else hint
+        )
         raise ValueError(f'model: expected a model, got {type(model).__name__}{hint}')
 
 

@@ -183,3 +183,35 @@ def test_a_point_may_be_a_state_alone():
     )
     for point in ([np.pi, 0], np.array([np.pi, 0]), ([np.pi, 0], []), {'th': np.pi}):
         np.testing.assert_allclose(kr.linearize(pendulum, point).A, [[0, 1], [1, 0]], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ('name', 'here'),
+    [
+        ('update', r'\.correct\(belief, y, \(H, R\)\)'),
+        ('x', "a belief's .mean"),
+        ('P', "a belief's .covariance"),
+        ('F', r'of \.model'),
+        ('batch_filter', r'kr\.filter'),
+        ('predikt', "did you mean 'predict'"),
+    ],
+)
+def test_names_of_filterpy_on_a_filter_are_answered(name, here):
+    for kind in (kr.KalmanFilter, kr.ExtendedKalmanFilter, kr.UnscentedKalmanFilter):
+        filter = kind(kr.discrete_model([[1.0]], Q=[[1.0]]))
+        with pytest.raises(AttributeError, match=here):
+            getattr(filter, name)
+
+
+def test_a_model_that_does_not_rest_is_not_linearised_silently():
+    model = kr.continuous_model(lambda x, u: np.array([x[1], u[0] - 9.81]), np.eye(2) * 0.1,
+                                states='z v', inputs='thrust')  # fmt: skip
+    for call in (lambda: kr.linearize(model), lambda: kr.discretize(model, dt=0.1)):
+        with pytest.raises(ValueError, match='does not rest where it is linearised'):
+            call()
+    assert kr.linearize(model, [0.0, 0.0], [9.81]).A.shape == (2, 2)
+
+
+def test_rounding_prints_as_nothing():
+    assert 'e-16' not in str(kr.place([[0, 1], [-2, -0.5]], [[0], [1]], [-1, -2]))
+    assert 'gain 0 to inf' in str(kr.place([[0, 1], [0, 0]], np.eye(2), [-1, -1]).margins)

@@ -179,8 +179,9 @@ def _explain(console: Console, points: Sequence[Point], grid: Grid) -> None:
     )
     if any(not (point.refused or point.consistent) for point in points):
         console.print(
-            '* outside of the range of 19 in 20 consistent filters: one point in 20 is so '
-            'by chance, more of them mean that the covariance is wrong.'
+            '* outside of the range of 19 in 20 consistent filters. All points have the same '
+            'noise, so that by chance many are so at once: with another --seed they are not, '
+            'unless the covariance is wrong.'
         )
     for reason in dict.fromkeys(point.refused for point in points if point.refused):
         console.print(f'no design: {reason}', markup=False)

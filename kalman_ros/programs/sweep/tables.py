@@ -23,8 +23,11 @@ def sweep_table(ranges: Sequence[Range], states: Sequence[str], points: Sequence
     with_theory = any(point.theory_cost is not None for point in points)
     columns = ['cost'] * controlled + ['theory'] * with_theory + ['ANEES', 'lost']
     shown = states[: max(1, _MOST + 1 - len(ranges) - len(columns))]
-    table = plain_table('', (*(swept.label.split('.')[-1] for swept in ranges[1:]), *columns))
-    table.columns[0].header = ranges[0].label.split('.')[-1]
+    names = [swept.label.split('.')[-1] for swept in ranges]
+    if len({*names}) < len(names):
+        names = [swept.label for swept in ranges]
+    table = plain_table('', (*names[1:], *columns))
+    table.columns[0].header = names[0]
     table.columns[0].justify = 'right'
     for name in shown:
         table.add_column(name, justify='right', no_wrap=True)
