@@ -21,6 +21,8 @@ POSES = 'initialpose', 'set_pose'
 OWN_POSE = '~/set_pose'
 _TYPE = 'geometry_msgs/PoseWithCovarianceStamped'
 _PLACE, _TURNS, _VECTOR = ('x', 'y', 'z'), ('roll', 'pitch', 'yaw'), ('rx', 'ry', 'rz')
+#: From a position farther away, in m, no reading brings the estimate back.
+_FARTHEST = 1e7
 #: A smaller share of the largest variance is rounding.
 _ROUNDING = 1e-12
 _FIELDS = (
@@ -112,6 +114,10 @@ class PoseReader:
             raise ValueError('orientation: expected a quaternion that is a rotation, not of zeros')
         if not is_finite(values[:3]):
             raise ValueError('expected finite numbers')
+        if np.abs(values[:3]).max() > _FARTHEST:
+            raise ValueError(
+                f'expected a position within {_FARTHEST:g} m, got {values[:3].tolist()}'
+            )
         return self._put(values, covariance, initial)
 
     def _put(self, pose: Array, R: Array, initial: Gaussian) -> Gaussian:

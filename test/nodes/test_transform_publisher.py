@@ -218,7 +218,7 @@ def test_another_publisher_of_the_same_transform_is_named():
     assert node.said == [wanted]
     level, said, _ = publish.report(Level.OK, 'consistent', {})
     assert level is Level.WARN and said == wanted
-    assert publish.report(Level.WARN, 'no readings', {})[1] == 'no readings'
+    assert publish.report(Level.WARN, 'no readings', {})[1] == f'no readings; {wanted}'
 
 
 def test_another_publisher_that_is_gone_is_forgotten(monkeypatch):

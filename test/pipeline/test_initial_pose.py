@@ -67,6 +67,19 @@ def test_what_is_no_belief_is_refused(model, data, says):
         PoseReader(found)(data, found.initial_belief)
 
 
+@pytest.mark.parametrize(
+    ('x', 'good'), [(1e7, True), (-1e7, True), (1.001e7, False), (1e12, False)]
+)
+def test_a_pose_that_no_reading_could_bring_back_is_refused(x, good):
+    found = scenario.build({'model': 'robot_2d'})
+    read = PoseReader(found)
+    if good:
+        assert read(pose(x=x), found.initial_belief).mean[0] == x
+        return
+    with pytest.raises(ValueError, match=r'expected a position within 1e\+07 m, got'):
+        read(pose(x=x), found.initial_belief)
+
+
 def test_a_pose_without_a_covariance_has_the_initial_one():
     found = scenario.build({'model': 'robot_2d'})
     belief = PoseReader(found)(pose(variance=0.0), found.initial_belief)

@@ -100,7 +100,7 @@ class TransformPublisher:
             wrong = f'no transform: {self.refusal}'
         if not wrong:
             return level, message, values
-        return Level.WARN, wrong if level is Level.OK else message, values
+        return Level.WARN, wrong if level is Level.OK else f'{message}; {wrong}', values
 
     def _rivalry(self) -> str:
         """Return that someone else publishes the same transform; '' if not."""

@@ -17,7 +17,7 @@ PATIENCE = 3.0
 _SOON, _LATER = 1.0, 30.0
 _ROS_OWN = ('/rosout', '/parameter_events', '/diagnostics')
 #: Topics that several nodes publish together.
-_SHARED = ('/tf', '/tf_static')
+_SHARED = ('/tf', '/tf_static', '/bond')
 
 
 class Connections:
@@ -115,6 +115,8 @@ class Connections:
         others = sorted({_name(each) for each in publishers} - {_name(each) for each in ours})
         if others and topic not in _SHARED:
             yield f'{topic}: {" and ".join(others)} publishes here, too'
+        if len(ours) > 1 and topic not in _SHARED:
+            yield f'{topic}: a second node with the name {_name(ours[0])} publishes here, too'
         for here in ours:
             for there in node.get_subscriptions_info_by_topic(topic):
                 why = _mismatch(here, there, here.qos_profile, there.qos_profile)

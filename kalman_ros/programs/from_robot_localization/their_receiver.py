@@ -72,14 +72,19 @@ def turn_headings(sensors: Mapping[str, dict[str, Any]], navigation: TheirNode) 
     listed = ', '.join(f'{name}.mount.heading' for name in headings)
     for key in _TURNS:
         off = navigation.value(key, 0.0) == 0.0
-        what = f'{listed}: {total:g}' if headings else 'no heading of an IMU is read'
-        navigation.note(key, 'zero: nothing to do' if off else what)
+        what = f'{listed}: {total:g}' if headings else _UNREAD
+        known = off or bool(headings)
+        navigation.note(key, 'zero: nothing to do' if off else what, carried=known)
 
 
 def _flat_ground(navigation: TheirNode) -> bool:
     return bool(navigation.value('zero_altitude', False))
 
 
+_UNREAD = (
+    'no heading of an IMU is read: the first one is initial_estimate, in a map that is east and '
+    'north; read the yaw of an IMU, or widen its initial_std'
+)
 _TURNS = 'magnetic_declination_radians', 'yaw_offset'
 _NAVIGATION = {
     'frequency': 'not needed: there is no second node',
