@@ -25,7 +25,11 @@ def receiver(
     axes = [axis for axis in read if axis != 'z' or not _flat_ground(navigation)]
     fields = [{'x': 'east', 'y': 'north', 'z': 'up'}[axis] for axis in axes]
     number = len(axes)
-    node.note(name, f'sensor {name}_fix: the fixes on gps/fix, without navsat_transform')
+    node.note(
+        name,
+        f'sensor {name}_fix: the fixes on gps/fix, without navsat_transform; where the antenna is '
+        f'off the centre, add {name}_fix.mount.tf: true, or its mount.translation',
+    )
     changed = {f'{name}_{word}' for word in ('differential', 'relative', 'config')}
     node.rows[:] = [
         row for row in node.rows if row.name not in changed | {name} or '_fix:' in row.what
