@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Sensor
-from kalman_ros.linear.batched import product
+from kalman_ros.linear.batched import product, sandwich, symmetric, times
 
 #: A share of the largest variance in U, below which one is rounding of a correction, or of a step.
 _ROUNDING, _ROUNDING_OF_STEPS = 1e-14, 1e-15
@@ -70,7 +70,7 @@ class Diffuse(Gaussian):
 
     def moved(self, after: Gaussian, F: Array) -> Diffuse:
         """Return the belief after a step that maps errors by F, and what is known to ``after``."""
-        return Diffuse(*after, product(product(F, self.unknown), F.swapaxes(-1, -2)))
+        return Diffuse(*after, sandwich(F, self.unknown, np.zeros_like(self.unknown)))
 
     def at(self, c: float) -> Gaussian:
         """Return the ordinary belief with the covariance P + c U."""
@@ -152,31 +152,31 @@ def update(belief: Diffuse, innovation: Array, H: Array, R: Array) -> Update:
     k, n = H.shape[-2:]
     lead = np.broadcast_shapes(innovation.shape[:-1], H.shape[:-2], R.shape[:-2])
     W = _whitening(R)
-    H, r = product(W, H), product(product(W, R), W.swapaxes(-1, -2)).diagonal(axis1=-2, axis2=-1)
+    H, r = product(W, H), sandwich(W, R, np.zeros_like(R)).diagonal(axis1=-2, axis2=-1)
     P = np.broadcast_to(belief.known, (*lead, n, n))
     U = np.broadcast_to(belief.unknown, (*lead, n, n))
     least = _ROUNDING * _largest(U)
     gain, rows = np.zeros((*lead, n, k)), np.zeros((*lead, k, k))
-    D, known = np.zeros((*lead, k)), np.zeros((*lead, k), dtype=bool)
+    D, known, none = np.zeros((*lead, k)), np.zeros((*lead, k), dtype=bool), np.zeros((n, n))
     for i in range(k):
         h = H[..., i, :]
-        m, m_u = _times(P, h), _times(U, h)
+        m, m_u = times(P, h), times(U, h)
         f, f_u = np.sum(h * m, axis=-1) + r[..., i], np.sum(h * m_u, axis=-1)
         known[..., i] = sure = f_u <= least * np.sum(h * h, axis=-1)
         size = np.where(sure, f, f_u)
         D[..., i] = np.where(sure, f, f_u / (2.0 * np.pi))
         gained = np.where(sure[..., np.newaxis], m, m_u) / size[..., np.newaxis]
         # v = row nu, by what the numbers before it have changed
-        rows[..., i, :] = row = W[..., i, :] - _times(gain.swapaxes(-1, -2), h)
+        rows[..., i, :] = row = W[..., i, :] - times(gain.swapaxes(-1, -2), h)
         gain = gain + _outer(gained, row)
         T = np.eye(n) - _outer(gained, h)
         noise = r[..., i, np.newaxis, np.newaxis] * _outer(gained, gained)
-        P, U = _congruent(T, P) + noise, _congruent(T, U)
-        U = _without_rounding(U, least)
-    v = np.where(known, _times(rows, innovation), 0.0)
+        P = symmetric(sandwich(T, P, noise))
+        U = _without_rounding(symmetric(sandwich(T, U, none)), least)
+    v = np.where(known, times(rows, innovation), 0.0)
     back = np.linalg.inv(rows)
     S = product(back * D[..., np.newaxis, :], back.swapaxes(-1, -2))
-    return Update(_times(gain, innovation), P, U, gain, _times(back, v), S)
+    return Update(times(gain, innovation), P, U, gain, times(back, v), S)
 
 
 def _whitening(R: Array) -> Array:
@@ -185,10 +185,6 @@ def _whitening(R: Array) -> Array:
     if not (R * (1.0 - np.eye(k))).any():
         return np.eye(k)
     return np.linalg.inv(np.linalg.cholesky(R))
-
-
-def _times(A: Array, x: Array) -> Array:
-    return np.asarray((A @ x[..., np.newaxis])[..., 0])
 
 
 def _largest(U: Array) -> Array:
@@ -200,12 +196,6 @@ def _without_rounding(U: Array, least: Array) -> Array:
     """Return U without states whose variance in it is not above the ``least`` one (...,)."""
     none = U.diagonal(axis1=-2, axis2=-1) <= least[..., np.newaxis]
     return np.asarray(np.where(none[..., :, np.newaxis] | none[..., np.newaxis, :], 0.0, U))
-
-
-def _congruent(T: Array, A: Array) -> Array:
-    """Return T A T', symmetric to the last bit."""
-    found = product(product(T, A), T.swapaxes(-1, -2))
-    return np.asarray(0.5 * (found + found.swapaxes(-1, -2)))
 
 
 def _outer(a: Array, b: Array) -> Array:

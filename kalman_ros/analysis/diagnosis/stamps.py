@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from math import inf
 from typing import Any
@@ -131,13 +131,22 @@ def _find_shared(evidence: Evidence, name: str, record: SensorRecord) -> Iterato
     apart = float(np.median(np.diff(stamps)))
     # none is received before it is taken: the least latency is that of a stamp that lost nothing
     stamp = record.received - max(float(latency(record).min()), 0.0)
-    yield Finding(
-        'stamps rounded', name,
+    yield _rounded(
+        name, record,
         f'{int(np.median(groups))} readings of {name} in a row have one stamp, a multiple of '
-        f'{apart:.3g} s, while they are received every {usual:.3g} s: they are rounded. Stamp '
-        'them with all digits of the clock.',
-        inf, figure=picture(name, record, 'stamps that are rounded'),
-        mended=lambda: evidence.with_sensor(name, replace(record, stamp=stamp)),
+        f'{apart:.3g} s, while they are received every {usual:.3g} s',
+        lambda: evidence.with_sensor(name, replace(record, stamp=stamp)),
+    )  # fmt: skip
+
+
+def _rounded(
+    name: str, record: SensorRecord, seen: str, mended: Callable[[], Evidence] | None = None
+) -> Finding:
+    """Return the finding that stamps are rounded, by what is seen of them."""
+    return Finding(
+        'stamps rounded', name,
+        f'{seen}: they are rounded. Stamp them with all digits of the clock.',
+        inf, figure=picture(name, record, 'stamps that are rounded'), mended=mended,
     )  # fmt: skip
 
 
@@ -156,12 +165,10 @@ def _find_rounded(name: str, record: SensorRecord) -> Iterator[Finding]:
             float(np.std(x[x < 1.7 * usual])) for x in (gaps, received) if len(x)
         )
         if grid > _COARSE * usual and spread > 2.0 * of_receipt:
-            yield Finding(
-                'stamps rounded', name,
+            yield _rounded(
+                name, record,
                 f'stamps of {name} are multiples of {grid:g} s, while they are received every '
-                f'{usual:.3g} s, regular to {of_receipt:.1g} s: they are rounded. Stamp them with '
-                'all digits of the clock.',
-                inf, figure=picture(name, record, 'stamps that are rounded'),
+                f'{usual:.3g} s, regular to {of_receipt:.1g} s',
             )  # fmt: skip
         return
 
