@@ -351,6 +351,23 @@ def test_a_start_from_nothing_has_estimates_once_all_is_known(tmp_path):
         replay(tmp_path / 'a', {**chosen, 'initial_std': [np.inf] * 4, 'filter': 'ukf'})
 
 
+def test_nothing_is_smoothed_across_a_start_from_nothing(tmp_path):
+    """After a gap the robot is elsewhere: what comes later says nothing of before."""
+    source = estimator_settings('mass_spring_damper_2d').scenario.sensors['position']
+    with RecordingWriter(tmp_path / 'a') as writer:
+        writer.add('/position', source.signal.type.replace('/', '/msg/'))
+        for k in [*range(20), *range(80, 100)]:
+            time = START + k * 10**7
+            y = np.array([3.0, -2.0]) if k < 20 else np.zeros(2)
+            writer.write('/position', time, wire(source.signal, time, y, 1e-4 * np.eye(2)))
+    chosen = {'model': 'mass_spring_damper_2d', 'sensors': ['position'], 'max_gap': 0.5}
+    found = replay(tmp_path / 'a', {**chosen, 'initial_std': [np.inf] * 4}, smooth=True).smoothed
+    x = found.mean[:, [0, 2]]
+    assert len(x) == 38
+    np.testing.assert_allclose(x[:19], np.tile([3.0, -2.0], (19, 1)), atol=0.1)
+    np.testing.assert_allclose(x[19:], 0.0, atol=0.1)
+
+
 @pytest.mark.parametrize('placed', [True, False])
 def test_initialpose_in_another_frame_takes_a_transform_of_the_recording(tmp_path, placed):
     message = PoseWithCovarianceStamped()

@@ -8,7 +8,8 @@ import pytest
 from thorough import thorough
 
 from kalman_ros.programs.sweep import program as sweep
-from kalman_ros.programs.sweep.ranges import parsed
+from kalman_ros.programs.sweep.ranges import Range, parsed
+from kalman_ros.programs.sweep.tables import sweep_table
 
 FEW = ('--runs', '6', '--seconds', '2')
 
@@ -124,6 +125,19 @@ def test_two_parameters_make_a_map(tmp_path):
     assert len(points) == 6
     assert points[1]['at'] == {'plant.model_parameters.mass': 0.5, 'input_cost[0]': 1.0}
     assert (tmp_path / 'sweep.png').stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ('names', 'headers'),
+    [
+        (('position.noise', 'velocity.noise'), ['position.noise', 'velocity.noise']),
+        (('position.noise', 'rate'), ['noise', 'rate']),
+    ],
+)
+def test_columns_of_one_name_have_the_whole(names, headers):
+    ranges = [Range(name, name, None, True, True, False, (1.0,)) for name in names]
+    table = sweep_table(ranges, ['x'], [])
+    assert [column.header for column in table.columns][:2] == headers
 
 
 @pytest.mark.slow
