@@ -228,6 +228,21 @@ class Symbols(np.ndarray[Any, Any]):
         return super().__array_function__(function, (), inputs, options)
 
 
+def _method(function: np.ufunc) -> Callable[..., Any]:
+    """Return what numpy calls for an element of a plain array of objects."""
+
+    def apply(self: Any, *others: Any) -> Any:
+        return _elementwise(_FUNCTIONS[function], (self, *others))[()]
+
+    return apply
+
+
+for _function in _FUNCTIONS:
+    if isinstance(_function, np.ufunc) and not hasattr(np.ndarray, _function.__name__):
+        setattr(Symbols, _function.__name__, _method(_function))
+        setattr(Symbol, _function.__name__, _method(_function))
+
+
 def _extreme(
     ufunc: Any,
     x: Any,

@@ -24,8 +24,6 @@ from kalman_ros.linear.views import coordinates, from_coordinates
 _Number = Any
 #: Angle below which quotients of differences are power series, exact to rounding.
 _SMALL = 0.3
-#: Cosine of the pitch below which roll and yaw are quotients of rounding errors.
-_UPRIGHT = 1e-6
 #: Change in rad below which the iteration of the mean of rotations ends, and most iterations.
 _CLOSE, _MOST_STEPS = 1e-12, 50
 
@@ -155,18 +153,16 @@ def from_euler(angles: Array) -> Array:
 def to_euler(r: Array) -> Array:
     """Return roll, pitch and yaw (..., 3) of rotations (..., 3), as `from_euler` takes them.
 
-    Near a pitch of +-pi/2 only their sum or difference is determined: there the roll is computed
-    from the yaw, by the second row of Rz(-yaw) R = Ry(pitch) Rx(roll).
+    Near a pitch of +-pi/2 only their sum or difference is determined: the roll is therefore that
+    which belongs to the yaw, by the second row of Rz(-yaw) R = Ry(pitch) Rx(roll).
     """
     R = exp(r)
-    level = np.hypot(R[..., 2, 1], R[..., 2, 2])
-    roll = np.arctan2(R[..., 2, 1], R[..., 2, 2])
+    level = np.sqrt(R[..., 2, 1] ** 2 + R[..., 2, 2] ** 2)
     pitch = np.arctan2(-R[..., 2, 0], level)
     yaw = np.arctan2(R[..., 1, 0], R[..., 0, 0])
-    if np.any(level < _UPRIGHT):
-        s, c = np.sin(yaw), np.cos(yaw)
-        sine, cosine = s * R[..., 0, 2] - c * R[..., 1, 2], c * R[..., 1, 1] - s * R[..., 0, 1]
-        roll = np.where(level < _UPRIGHT, np.arctan2(sine, cosine), roll)
+    s, c = np.sin(yaw), np.cos(yaw)
+    sine, cosine = s * R[..., 0, 2] - c * R[..., 1, 2], c * R[..., 1, 1] - s * R[..., 0, 1]
+    roll = np.arctan2(sine, cosine)
     return np.stack((roll, pitch, yaw), axis=-1)
 
 

@@ -73,7 +73,7 @@ def verdict(checks: Sequence[Check], claim: str) -> str:
     if not failed:
         return f'[green]PASS, {count}:[/] {claim}'
     names = ', '.join(dict.fromkeys(failed))
-    return f'[bold red]FAIL, {count}:[/] theory and measurement disagree on {names}'
+    return f'[bold red]FAIL, {count} hold:[/] theory and measurement disagree on {names}'
 
 
 def plain_table(title: str, columns: Sequence[str]) -> Table:

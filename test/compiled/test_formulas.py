@@ -13,6 +13,7 @@ from kalman_ros.core import rotations as so3
 from kalman_ros.core.stacked import stacked
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import from_file
+from kalman_ros.sensors.euler import Euler
 
 pytest.importorskip('casadi', reason='the extra kalman_ros[compiled] is not installed')
 from kalman_ros.compiled import attempt, compiled
@@ -156,6 +157,16 @@ def test_every_shipped_sensor_reads_as_in_numpy_and_its_jacobian_is_exact(name, 
             assert_same(found.jacobian(each), sensor.jacobian(each), 1e-6 if numerical else 1e-12)
         assert_same(found.measure(x), sensor.measure(x))
         assert_same(found.measure(x[:, None]), sensor.measure(x[:, None]))
+
+
+@pytest.mark.parametrize('angles', [['yaw'], ['roll', 'pitch'], ['roll', 'pitch', 'yaw']])
+def test_angles_of_a_rotation_are_compiled(angles):
+    model = believed('robot_3d').model
+    sensor = Euler(model.state, [0.1] * len(angles), angles=angles)
+    found = interpreted_sensor(sensor, model.state)
+    x, _ = points(model)
+    assert_same(found.measure(x), sensor.measure(x))
+    assert_same(found.jacobian(x), sensor.jacobian(x), 1e-9)
 
 
 def test_numerical_jacobians_become_exact():

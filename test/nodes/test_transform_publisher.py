@@ -40,7 +40,7 @@ class Node:
 
     def __init__(self):
         self.sent, self.said, self.now = [], [], NOW
-        self.subscriptions = {}
+        self.subscriptions, self.endpoints = {}, []
         self.intake = lambda topic, read, data: data if isinstance(data, TFMessage) else read(data)
 
     def create_publisher(self, kind, topic, queue):
@@ -56,6 +56,13 @@ class Node:
 
     def create_subscription(self, kind, topic, callback, queue, raw):
         self.subscriptions[topic] = callback
+
+    def get_fully_qualified_name(self):
+        return '/us'
+
+    def get_publishers_info_by_topic(self, topic):
+        assert topic == '/tf'
+        return self.endpoints
 
     def get_logger(self):
         return SimpleNamespace(warning=self.said.append)
@@ -219,6 +226,18 @@ def test_another_publisher_of_the_same_transform_is_named():
     level, said, _ = publish.report(Level.OK, 'consistent', {})
     assert level is Level.WARN and said == wanted
     assert publish.report(Level.WARN, 'no readings', {})[1] == f'no readings; {wanted}'
+
+
+@pytest.mark.parametrize(
+    ('others', 'by'),
+    [(['ekf'], '/ekf'), (['ekf', 'amcl'], 'one of /amcl, /ekf'), ([], 'another node')],
+)
+def test_nodes_that_may_publish_the_same_transform_are_named(others, by):
+    node, publish, _ = built()
+    node.endpoints = [SimpleNamespace(node_namespace='/', node_name=n) for n in ('us', *others)]
+    for step in range(3):
+        node.subscriptions['/tf'](serialised(NOW + step))
+    assert publish.report(Level.OK, '', {})[1].endswith(f'is published by {by}, too')
 
 
 def test_another_publisher_that_is_gone_is_forgotten(monkeypatch):

@@ -157,6 +157,27 @@ def test_noise_and_the_first_belief_go_by_their_15_states(tmp_path):
         settings(values)
 
 
+@pytest.mark.parametrize('planar', [True, False])
+def test_without_a_process_noise_that_of_robot_localization_counts(tmp_path, planar):
+    values, rows = one(
+        tmp_path, f'two_d_mode: {str(planar).lower()}', 'odom0: o', f'odom0_config: {config("vx")}'
+    )
+    noise = {name.split('.')[1]: n for name, n in values.items() if name.endswith('_noise')}
+    assert noise == (
+        {
+            'position_noise': [0.05, 0.05], 'heading_noise': 0.06, 'velocity_noise': [0.025] * 2,
+            'turn_noise': 0.02, 'acceleration_noise': [0.01, 0.01],
+        }
+        if planar
+        else {
+            'position_noise': [0.05, 0.05, 0.06], 'orientation_noise': [0.03, 0.03, 0.06],
+            'velocity_noise': [0.025, 0.025, 0.04], 'turn_noise': [0.01, 0.01, 0.02],
+            'acceleration_noise': [0.01, 0.01, 0.015],
+        }
+    )  # fmt: skip
+    assert rows['process_noise_covariance'].what.startswith('not given: the default of')
+
+
 def test_a_heading_that_only_positions_show_is_unknown(tmp_path):
     wheels = 'two_d_mode: true', 'odom0: odom', f'odom0_config: {config("vx", "wz")}'
     place = 'pose0: uwb', f'pose0_config: {config("x", "y")}'

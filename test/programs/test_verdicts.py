@@ -30,7 +30,7 @@ POLE = Check('pole', '1/s', -1.0, -1.0, nan, nan, passed=False)
 def test_a_verdict_counts_the_checks_that_have_bounds():
     assert verdict([GOOD, POLE], 'It holds.') == '[green]PASS, 1 of 1 checks:[/] It holds.'
     failed = verdict([GOOD, BAD, POLE], 'It holds.')
-    assert 'FAIL, 1 of 2 checks:[/] theory and measurement disagree on b' in failed
+    assert 'FAIL, 1 of 2 checks hold:[/] theory and measurement disagree on b' in failed
 
 
 def test_a_demo_that_is_incomplete_has_no_verdict(monkeypatch, tmp_path, capsys):

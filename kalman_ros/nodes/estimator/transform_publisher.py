@@ -11,6 +11,7 @@ from typing import Any
 
 from kalman_ros.codecs.messages import STAMP, UndecodableError, decode, frame_and_end
 from kalman_ros.core import Gaussian
+from kalman_ros.nodes.middleware.connections import other_publishers
 from kalman_ros.nodes.middleware.diagnostics import Level, Report
 from kalman_ros.nodes.middleware.host import Host
 from kalman_ros.nodes.middleware.topics import QUEUE, STATIC, TRANSFORMS
@@ -108,7 +109,9 @@ class TransformPublisher:
         if len(times) < _FOREIGN or monotonic() - times[-1] > _RECENTLY:
             return ''
         found = f"the transform '{self._options.frame}' to '{self._write.child}'"
-        return f'{found} is published by another node, too'
+        names = other_publishers(self._node, TF)
+        by = f'one of {", ".join(names)}' if len(names) > 1 else (*names, 'another node')[0]
+        return f'{found} is published by {by}, too'
 
     def _recognise(self, stamp: bytes) -> None:
         """Note whether a transform of these frames is one of those that were sent."""

@@ -111,8 +111,7 @@ class Connections:
     def _of_publisher(self, topic: str) -> Iterator[str]:
         node = self._node
         publishers = node.get_publishers_info_by_topic(topic)
-        ours = self._ours(publishers)
-        others = sorted({_name(each) for each in publishers} - {_name(each) for each in ours})
+        ours, others = self._ours(publishers), _others(node, publishers)
         if others and topic not in _SHARED:
             yield f'{topic}: {" and ".join(others)} publishes here, too'
         if len(ours) > 1 and topic not in _SHARED:
@@ -127,6 +126,15 @@ class Connections:
         """Return the endpoints of this node; the graph is complete for them, unlike a profile."""
         name = self._node.get_fully_qualified_name()
         return [endpoint for endpoint in endpoints if _name(endpoint) == name]
+
+
+def other_publishers(node: Any, topic: str) -> list[str]:
+    """Return the sorted names of the other nodes that publish on a topic."""
+    return _others(node, node.get_publishers_info_by_topic(topic))
+
+
+def _others(node: Any, endpoints: Iterable[Any]) -> list[str]:
+    return sorted({_name(each) for each in endpoints} - {node.get_fully_qualified_name()})
 
 
 def _mismatch(own: Any, other: Any, offered: QoSProfile, wanted: QoSProfile) -> str:

@@ -58,6 +58,14 @@ class Host(Protocol):
         """Return the full name of a topic."""
         ...
 
+    def get_fully_qualified_name(self) -> str:
+        """Return the name of the node with its namespace."""
+        ...
+
+    def get_publishers_info_by_topic(self, topic: str, /) -> Any:
+        """Return the endpoints that publish on a topic, of all nodes."""
+        ...
+
     def create_timer(self, seconds: float, callback: Callable[[], Any], /, **options: Any) -> Any:
         """Return a new timer."""
         ...

@@ -182,7 +182,7 @@ def _table(title: str, rows: Sequence[Row]) -> Table:
     table.add_column('parameter', overflow='fold')
     table.add_column('what becomes of it', overflow='fold')
     for row in sorted(rows, key=lambda row: row.line):
-        table.add_row(str(row.line), _shown(row.name), _shown(row.what))
+        table.add_row(str(row.line or '-'), _shown(row.name), _shown(row.what))
     return table
 
 

@@ -95,6 +95,10 @@ class TheirNode:
             if row not in self.rows:
                 self.rows.append(row)
 
+    def add(self, name: str, outcome: str) -> None:
+        """Account for a parameter that counts though the file does not have it."""
+        self.rows.append(Row(0, name, True, outcome))
+
     def leave_out(self, name: str, why: str) -> None:
         """Account for a parameter whose value cannot be used."""
         if name in self.unusable:

@@ -3,16 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import Array
-from kalman_ros.core import rotations as so3
-
 from .their_file import SENSOR, Row, TheirNode
+from .their_noise import noise_and_first_belief
 from .their_receiver import receiver, turn_headings
 from .their_sensors import Sensors, sensors_of
 
@@ -39,24 +37,12 @@ _NOT_CARRIED = {
     'acceleration_gains': 'the lag command_time limits the acceleration',
     'deceleration_gains': 'the lag command_time limits the acceleration',
 }
-#: Indices into their 15 states of our process noises, in the plane (True) and in space.
-_PROCESS: Mapping[bool, Mapping[str, Any]] = {
-    True: {
-        'position_noise': (0, 1), 'heading_noise': 5, 'velocity_noise': (6, 7), 'turn_noise': 11,
-        'acceleration_noise': (12, 13),
-    },
-    False: {
-        'position_noise': (0, 1, 2), 'orientation_noise': (3, 4, 5), 'velocity_noise': (6, 7, 8),
-        'turn_noise': (9, 10, 11), 'acceleration_noise': (12, 13, 14),
-    },
-}  # fmt: skip
 #: Parameters of their ukf_node only.
 _UNSCENTED = {'alpha', 'beta', 'kappa'}
-_PLANAR = [0, 1, 5, 6, 7, 11, 12, 13]
-_STATES, _YAW = 15, 5
 #: Limits of accelerations by commands, of six axes, of which three are in the plane.
 _LIMITS = 'acceleration_limits', 'deceleration_limits'
 _AXES, _PLANAR_AXES = 6, [0, 1, 5]
+_COMMANDS = 'cmd_vel is the input; where it stays out it is 0, theirs then has none'
 #: Their topic of the odometry, and those of two filters in the launch file of their example.
 ODOMETRY, LOCAL, GLOBAL = 'odometry/filtered', 'odometry/local', 'odometry/global'
 #: Values without the parameter: those of robot_localization's own file of defaults.
@@ -67,9 +53,6 @@ _NO_NAVIGATION = (
     'it takes navsat_transform, whose parameters are not in this file: append them, and the fixes '
     'are read without it'
 )
-#: Standard deviations of an initial belief; robot_localization's is the root of 1e-9, and
-#: overwritten by the first measurement.
-_KNOWN, _UNKNOWN = 1e-9**0.5, 1.0
 
 
 @dataclass(frozen=True)
@@ -215,7 +198,7 @@ def _filter(node: TheirNode, navigation: TheirNode | None) -> dict[str, Any]:
     for name, values in sensors.items():
         parameters.update({f'{name}.{key}': value for key, value in values.items()})
         parameters[f'{name}.rate'] = 50.0
-    _noise(node, parameters, sensors, planar=planar)
+    noise_and_first_belief(node, parameters, sensors, planar=planar)
     if node.value('dynamic_process_noise_covariance', False):
         parameters['model_parameters.noise_by_speed'] = True
     node.note('dynamic_process_noise_covariance', 'model_parameters.noise_by_speed')
@@ -249,64 +232,6 @@ def _frames(node: TheirNode, parameters: dict[str, Any]) -> None:
         node.note(name, 'frame, where it is world_frame')
 
 
-def _noise(node: TheirNode, parameters: dict[str, Any], sensors: Sensors, *, planar: bool) -> None:
-    """Set the process noise and the initial belief.
-
-    Without an initial covariance, a pose that nothing measures starts at the origin, and all else
-    is unknown. A heading is unknown as well if only positions in a map show it.
-    """
-    density = _diagonal(node, 'process_noise_covariance', 'model_parameters')
-    if density is not None:
-        for name, which in _PROCESS[planar].items():
-            parameters[f'model_parameters.{name}'] = density[np.array(which)].tolist()
-    chosen = _PLANAR if planar else [*range(_STATES)]
-    variance = _diagonal(node, 'initial_estimate_covariance', 'initial_std, its root')
-    if variance is None:
-        used = (sensor for sensor in sensors.values() if sensor.get('pose') != 'differential')
-        read = ' '.join(field for sensor in used for field in sensor['fields'])
-        measured = 'position' in read or 'east' in read, 'orientation' in read
-        known = [*(_UNKNOWN if is_measured else _KNOWN for is_measured in measured), _UNKNOWN]
-        std = np.repeat(known, (3, 3, 9))
-        if _shows_heading(sensors):
-            std[_YAW] = np.pi
-            parameters.setdefault('filter', 'gaussian_sum')
-    else:
-        std = np.sqrt(variance)
-    parameters['initial_std'] = std[chosen].tolist()
-    state = node.numbers('initial_state', (_STATES,))
-    if state is not None:
-        x = np.array(state)
-        if not planar:
-            x[3:6] = so3.from_euler(x[3:6])
-        parameters['initial_estimate'] = x[chosen].tolist()
-        node.note('initial_state', 'initial_estimate')
-
-
-def _shows_heading(sensors: Sensors) -> bool:
-    """Return whether positions are absolute, and no heading is read."""
-    absolute = [sensor['fields'] for sensor in sensors.values() if 'pose' not in sensor]
-    read = ' '.join(field for fields in absolute for field in fields)
-    turned = 'orientation.yaw' in read or 'orientation.rz' in read
-    return ('position.x' in read or 'east' in read) and not turned
-
-
-def _diagonal(node: TheirNode, name: str, ours: str) -> Array | None:
-    """Return the diagonal of a matrix of 15 states, from its 225 entries or from the 15."""
-    entries = node.numbers(name, (_STATES, _STATES**2))
-    if entries is None:
-        return None
-    numbers = np.array(entries)
-    whole = numbers.size > _STATES
-    diagonal = numbers[:: _STATES + 1] if whole else numbers
-    if not np.isfinite(numbers).all() or (diagonal < 0.0).any():
-        node.leave_out(name, 'expected finite variances')
-        return None
-    rest = numbers.reshape(_STATES, _STATES) - np.diag(diagonal) if whole else np.zeros(1)
-    lost = ', its diagonal: the rest is not carried over' if rest.any() else ''
-    node.note(name, f'{ours}{lost}', carried=not lost)
-    return diagonal
-
-
 def _commands(node: TheirNode, parameters: dict[str, Any], *, planar: bool) -> None:
     """Use the commands as input of the planar model; the other model has no input."""
     control = node.value('use_control', False)
@@ -322,7 +247,7 @@ def _commands(node: TheirNode, parameters: dict[str, Any], *, planar: bool) -> N
         lag = _CONTROL_TIMEOUT
     lag = max(lag, 1e-3)
     parameters['model_parameters.command_time'] = parameters['input_timeout'] = lag
-    node.note('use_control', 'model_parameters.command_time: cmd_vel is the input')
+    node.note('use_control', f'model_parameters.command_time: {_COMMANDS}')
     node.note('control_timeout', 'model_parameters.command_time and input_timeout')
     _limits(node, parameters)
     flags = node.values['control_config'].value if 'control_config' in node.values else None

@@ -155,9 +155,10 @@ def _parting(run: Replayed, found: Comparison, apart: Separation, ours: PosePath
     sigma = _deviation(ours, float(apart.time[at]))
     sigmas = f' ({apart.distance[at] / sigma:.2g} sigma of the estimate)' if sigma > 0.0 else ''
     start, end = _growth(apart.time, apart.distance, at)
+    once = ', once the one is moved and turned to the other,' if apart.aligned else ''
     return (
-        f'They part most at {apart.time[at]:.4g} s, by {apart.distance[at]:.3g} m{sigmas}; they '
-        f'part fastest from {start:.4g} to {end:.4g} s: {_why(run, found, ours, start, end)}.'
+        f'They part most{once} at {apart.time[at]:.4g} s, by {apart.distance[at]:.3g} m{sigmas}; '
+        f'they part fastest from {start:.4g} to {end:.4g} s: {_why(run, found, ours, start, end)}.'
     )
 
 

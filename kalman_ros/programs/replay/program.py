@@ -161,5 +161,6 @@ def main(argv: Sequence[str] | None = None) -> None:
     if checks:
         console.print(verdict(checks, tables.claim(run)))
     else:
-        console.print('[bold red]FAIL, 0 of 0 checks:[/] fewer than 20 innovations of any sensor')
+        why = 'fewer than 20 innovations of any sensor'
+        console.print(f'[bold red]FAIL, 0 of 0 checks hold:[/] {why}')
     sys.exit(0 if passed else 1)
