@@ -20,6 +20,8 @@ from .style import CURVES, envelope, log_ticks, picture, time_unit
 _GAINS, _CURVES = 400, len(CURVES)
 #: Curves whose magnitudes differ by more than this factor are drawn on a logarithmic axis.
 _WIDE = 30.0
+#: Deviations that differ by more than this factor are drawn on a logarithmic axis.
+_DECADE = 10.0
 
 
 def gains(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
@@ -44,15 +46,15 @@ def gains(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
             row[0].set_ylabel(f'sigma [{unit}]' if unit else 'sigma')
             indices = [index for index, other in enumerate(space.units) if other == unit]
             for colour, index in zip(_colours(len(indices)), indices):
+                below = len(indices) > 1 and index == indices[0]  # equal ones are both seen
+                width = 2.2 if below else 1.0
                 for axis, (time, std) in zip(row, ((run.time, _std(run.covariance)), close)):
-                    axis.semilogy(*envelope(time, std[:, index]), lw=1.0, color=colour,
-                                  label=space.names[index])  # fmt: skip
+                    axis.plot(*envelope(time, std[:, index]), lw=width, color=colour,
+                              label=space.names[index])  # fmt: skip
             for axis in row:
-                low, high = axis.get_ylim()
-                axis.set_ylim(low / 1.4, high * 1.4)  # leaves room for a second tick
-                log_ticks(axis)
+                _scale(axis)
         for row, (name, gains_) in zip(axes[len(units) :], by_sensor.items()):
-            row[0].set_ylabel(f'K of {name}')
+            row[0].set_ylabel(f'L of {name}')
             _draw_gains(row, scenario, run, name, gains_)
         for row in axes:
             row[1].legend(loc='center left', bbox_to_anchor=(1.0, 0.5), fontsize=8)
@@ -60,6 +62,19 @@ def gains(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
         axes[0, 1].set_title(f'The first {start:.3g} {time_unit()}: predict and update')
         axes[0, 1].set_xlim(0.0, start)
     return axes
+
+
+def _scale(axis: Any) -> None:
+    """Show deviations from 0, or logarithmically where they differ by a decade or more."""
+    shown = np.concatenate([line.get_ydata() for line in axis.get_lines()])
+    shown = shown[shown > 0.0]
+    if not shown.size or shown.max() < _DECADE * shown.min():
+        axis.set_ylim(0.0, 1.1 * shown.max() if shown.size else None)
+        return
+    axis.set_yscale('log')
+    low, high = axis.get_ylim()
+    axis.set_ylim(low / 1.4, high * 1.4)  # leaves room for a second tick
+    log_ticks(axis)
 
 
 def _colours(count: int) -> list[str]:
@@ -91,7 +106,7 @@ def _sensor_gains(
 ) -> dict[str, tuple[Array, Array]]:
     """Return times (N,) and gains (N, n, k) of each sensor: all at the start, then a sample.
 
-    From K S = P- C' and P = P- - K C P- follows K = P C' R^-1 with P after the update.
+    From L S = P- C' and P = P- - L C P- follows L = P C' R^-1 with P after the update.
     """
     by_sensor = {}
     for name, source in scenario.enabled.items():
@@ -101,13 +116,13 @@ def _sensor_gains(
         spread = np.linspace(0, len(time) - 1, min(_GAINS, len(time))).astype(int)
         time = time[np.union1d(spread, np.flatnonzero(time <= start))]
         steps = np.minimum(np.searchsorted(run.time, time - 1e-9), len(run.time) - 1)
-        K = [
+        L = [
             _gain_from_posterior(
                 run.covariance[step], source.sensor.jacobian(run.estimate[step]), R
             )
             for step, R in zip(steps, _noise_at(scenario, run, name, time))
         ]
-        by_sensor[name] = time, np.array(K)
+        by_sensor[name] = time, np.array(L)
     return by_sensor
 
 
@@ -129,20 +144,21 @@ def _draw_gains(
     row: Any, scenario: Scenario, run: Trajectory, name: str, gains: tuple[Array, Array]
 ) -> None:
     """Draw the gains of a sensor with the largest effect relative to the deviation of a state."""
-    time, K = gains
+    time, L = gains
     space, output = scenario.model.state, scenario.sensors[name].sensor.output
-    effect = np.abs(K).mean(axis=0) * run.innovations[name].std.mean(axis=0)
+    effect = np.abs(L).mean(axis=0) * run.innovations[name].std.mean(axis=0)
     effect /= np.maximum(_std(run.covariance).mean(axis=0), 1e-300)[:, np.newaxis]
     strongest = np.argsort(-effect, axis=None)[:_CURVES]
     kept = [index for index in strongest if effect.flat[index] > 0.01 * effect.max()]
-    sizes = []
+    sizes: list[float] = []
     for colour, index in zip(CURVES, sorted(kept)):
         i, j = np.unravel_index(index, effect.shape)
         label = f'{space.names[i]} by {output.names[j]}'
         label += _gain_unit(space.units[i], output.units[j])
+        width = 2.2 if len(kept) > 1 and not sizes else 0.9
         for axis, marker in zip(row, ('-', '.-')):
-            axis.plot(time, K[:, i, j], marker, ms=3.0, lw=0.9, color=colour, label=label)
-        sizes.append(float(np.abs(K[:, i, j]).mean()))
+            axis.plot(time, L[:, i, j], marker, ms=3.0, lw=width, color=colour, label=label)
+        sizes.append(float(np.abs(L[:, i, j]).mean()))
     if sizes and max(sizes) > _WIDE * min(sizes) > 0.0:
         for axis in row:
             axis.set_yscale('symlog', linthresh=10.0 ** np.floor(np.log10(min(sizes))))

@@ -18,7 +18,7 @@ from .ellipse import outline
 from .style import BOUND, ESTIMATE, INPUT, READING, TRUTH, canvas, legend_below
 
 #: Pieces of a track, each less pale than the one before, and the opacity of the first.
-_FADES, _FAINTEST = 12, 0.25
+_FADES, _FAINTEST, _POWER = 24, 0.15, 2.5
 #: Names of states that are a position in a plane, in order of preference.
 PLANES = (('x', 'y'), ('x', 'z'))
 SIGMAS = 3.0
@@ -119,7 +119,7 @@ def _fading(axis: Any, track: Array, colour: str, width: float, label: str) -> N
     """Draw a track (N, 2) that is the paler the older it is."""
     edges = np.linspace(0, len(track), _FADES + 1).astype(int)
     for k, (first, last) in enumerate(pairwise(edges)):
-        alpha = _FAINTEST + (1.0 - _FAINTEST) * (k + 1) / _FADES
+        alpha = _FAINTEST + (1.0 - _FAINTEST) * ((k + 1) / _FADES) ** _POWER
         named = label if k == _FADES - 1 else None
         axis.plot(*track[first : last + 1].T, color=colour, lw=width, alpha=alpha, label=named,
                   solid_capstyle='butt')  # fmt: skip

@@ -25,7 +25,7 @@ from .cost_to_rest import price
 from .study_run import StudyRun
 from .systems import cart, carts, plant
 
-#: Weights R of u^2 beside a weight 1 of x^2.
+#: Weights Q_u of u^2 beside a weight 1 of x^2.
 WEIGHTS = (0.001, 0.01, 0.1, 1.0, 10.0)
 #: Plausible poles in 1/s: slow and oscillating, one slow, both fast.
 PLACED = ((-0.5 + 2.0j, -0.5 - 2.0j), (-0.7, -5.0), (-4.0, -6.0))
@@ -52,7 +52,7 @@ class Point:
     tolerance: Array
 
     def cost(self, weight: float) -> float:
-        """Return the measured cost with a weight R of the input."""
+        """Return the measured cost with a weight Q_u of the input."""
         return float(self.measured[0] + weight * self.measured[1])
 
     @property
@@ -95,7 +95,7 @@ def _optimal_points() -> list[Point]:
     # z = (x, u) of each cart, samples first
     x, u = trajectory.truth.reshape(-1, count, 2), trajectory.input.reshape(-1, count, 1)
     z = np.concatenate((x, u), axis=2).swapaxes(0, 1)
-    return [_point(f'R = {R:g}', _optimal(R).gain, samples) for R, samples in zip(WEIGHTS, z)]
+    return [_point(f'Q_u = {R:g}', _optimal(R).gain, samples) for R, samples in zip(WEIGHTS, z)]
 
 
 def _placed(poles: tuple[complex, complex]) -> Point:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A linear system moves by exp(A t): directions that keep, times exponentials of eigenvalues.
 
-The plant's own step is repeated and compared with the power series and with P exp(D t) P^-1, of a
+The plant's own step is repeated and compared with the power series and with T exp(Λ t) T^-1, of a
 node, a spiral and a matrix with one eigenvector only. No noise and no loop, so no nodes.
 """
 
@@ -55,9 +55,9 @@ def by_series(A: Array, t: float, terms: int) -> Array:
 
 
 def by_diagonalisation(A: Array, t: float) -> Array:
-    """Return P exp(D t) P^-1, with the eigenvectors in the columns of P."""
-    poles, P = np.linalg.eig(A)
-    return np.asarray((P * np.exp(poles * t) @ np.linalg.inv(P)).real)
+    """Return T exp(Λ t) T^-1, with the eigenvectors in the columns of T."""
+    poles, T = np.linalg.eig(A)
+    return np.asarray((T * np.exp(poles * t) @ np.linalg.inv(T)).real)
 
 
 def path(A: Array, x: Array) -> Array:
@@ -113,8 +113,8 @@ def _zeros(values: Array) -> Array:
 def _defective() -> list[Check]:
     """Compare the solution beside the only eigenvector with t exp(-t), which grows first."""
     x = path(DEFECTIVE, np.array([0.0, 1.0]))[:, 0]
-    poles, P = np.linalg.eig(DEFECTIVE)
-    apart = float(np.abs(np.linalg.det(P)))
+    poles, T = np.linalg.eig(DEFECTIVE)
+    apart = float(np.abs(np.linalg.det(T)))
     return [
         close('defective: largest x, from x = 0', '', np.exp(-1.0), float(x.max()), DT**2),
         close('defective: reached after', 's', 1.0, DT * int(np.argmax(x)), DT),
@@ -148,7 +148,7 @@ def _draw(picture: Path) -> None:
         grown = path(DEFECTIVE, np.array([0.0, 1.0]))[:, 0]
         split = [by_diagonalisation(DEFECTIVE, t)[0, 1] for t in time]
         defective.plot(time, grown, color=TRUTH, label='x by the plant: t exp(-t)')
-        defective.plot(time, split, '--', color=INPUT, label='P exp(D t) P⁻¹: misses it')
+        defective.plot(time, split, '--', color=INPUT, label='T exp(Λ t) T⁻¹: misses it')
         defective.set(title='-1 1/s twice, with one eigenvector', xlabel='time [s]', ylabel='x')
         defective.legend(loc='upper right')
         terms = range(1, 90)

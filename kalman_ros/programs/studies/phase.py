@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """LQR keeps 60 degrees of phase at the plant's input; sampling takes a known part of them.
 
-The dearest input leaves the least: it only mirrors an unstable mode a, and |1 + L| is 1 at all
+The dearest input leaves the least: it only mirrors an unstable mode a, and |1 + l| is 1 at all
 frequencies, or exp(-a dt) when sampled. Pairs of copies of the mode share their actuators: each
 input is turned by an angle into the other, which the controller does not know. With z the pair as
 one complex number that is a factor exp(j angle) of the loop, so the angle at which pairs start to
@@ -93,7 +93,7 @@ def _growth(run: Trajectory) -> Array:
 
 
 def _checks(pairs: list[Pairs]) -> list[Check]:
-    """Compare the angles with the margin of the loop, and with the margin that |1 + L| leaves."""
+    """Compare the angles with the margin of the loop, and with the margin that |1 + l| leaves."""
     checks = []
     for pair in pairs:
         at = f'a dt = {pair.mode * DT:g}'
@@ -117,15 +117,15 @@ def _draw(pairs: list[Pairs], path: Path) -> None:
         rates.axvline(GUARANTEE, color=TRUTH, lw=1.0, ls=':', label='60 degrees')
         for pair, colour in zip(pairs, (ESTIMATE, INPUT)):
             label = f'a dt = {pair.mode * DT:g}'
-            L = pair.loop.response(np.geomspace(1e-2 * pair.mode, np.pi / DT, 400))[:, 0, 0]
-            circle.plot(L.real, L.imag, color=colour, label=label)
+            loop = pair.loop.response(np.geomspace(1e-2 * pair.mode, np.pi / DT, 400))[:, 0, 0]
+            circle.plot(loop.real, loop.imag, color=colour, label=label)
             fine = np.linspace(20.0, 64.0, 60)
             rates.plot(fine, [_turned_growth(pair.loop, a) / pair.mode for a in fine],
                        color=colour, lw=1.0)  # fmt: skip
             rates.plot(pair.angle, pair.growth / pair.mode, 'o', color=colour, ms=4,
                        label=f'{label}: {pair.margin:.1f} degrees')  # fmt: skip
-        circle.set(title='Nyquist: |1 + L| is constant', xlabel='Re L', ylabel='Im L',
-                   aspect='equal')  # fmt: skip
+        title, parts = r'Nyquist: $|1 + \ell|$ is constant', (r'Re $\ell$', r'Im $\ell$')
+        circle.set(title=title, xlabel=parts[0], ylabel=parts[1], aspect='equal')
         circle.legend(loc='lower right', fontsize=8)
         rates.set(title='Growth of the turned pairs', xlabel='angle [deg]',
                   ylabel='growth / a')  # fmt: skip

@@ -24,7 +24,7 @@ from .stationary import SIGMAS
 from .study_run import StudyRun
 from .systems import cart, plant
 
-#: The poles are s (-1 +- j), for each of these s in 1/s.
+#: The poles are p (-1 +- j), for each of these p in 1/s.
 SPEEDS = (1.0, 4.0, 0.5, 2.0)
 DT = 0.02
 START = np.array([1.0, 0.0])
@@ -85,14 +85,14 @@ def _draw(
         places.set_xlim(0.0, 8.0)
         places.set_ylabel('x [m]')
         places.set_title('Started at 1 m')
-        places.legend(title='s [1/s]', loc='upper right')
+        places.legend(title='p [1/s]', loc='upper right')
         speeds = np.array(list(energies))
         expected, measured = np.array(list(energies.values())).T
         energy.loglog(speeds, expected, color=TRUTH, label='by the Lyapunov equation')
         energy.loglog(speeds, measured, 'o', color=ESTIMATE, label='measured')
         energy.set_xticks(speeds, [f'{speed:g}' for speed in speeds])
         energy.minorticks_off()
-        energy.set_xlabel('s [1/s], with poles at s (-1 ± j)')
+        energy.set_xlabel('p [1/s], with poles at p (-1 ± j)')
         energy.set_ylabel('integral of u² [m²/s³]')
         energy.set_title('Energy')
         energy.legend(loc='upper left')

@@ -79,7 +79,7 @@ def study(size: float = 1.0) -> Findings:
 
 
 def kalman_gains(read: BoolArray) -> Array:
-    """Return K = P / (P + R) at each step (N,); 0 without a reading, by ``read`` (N,)."""
+    """Return L = P / (P + R) at each step (N,); 0 without a reading, by ``read`` (N,)."""
     P, gains = FIRST - Q, np.zeros(len(read))
     for step, has_reading in enumerate(read):
         P = P + Q
@@ -92,11 +92,11 @@ def kalman_gains(read: BoolArray) -> Array:
 def variances(gains: Array) -> Array:
     """Return the variance of the error after each step (N,), with any gains (N,).
 
-    A step adds Q, and a reading makes P = (1 - K)^2 P + K^2 R; the first step is the first belief.
+    A step adds Q, and a reading makes P = (1 - L)^2 P + L^2 R; the first step is the first belief.
     """
     P, values = FIRST - Q, []
-    for K in gains:
-        P = (1.0 - K) ** 2 * (P + Q) + K**2 * R
+    for L in gains:
+        P = (1.0 - L) ** 2 * (P + Q) + L**2 * R
         values.append(P)
     return np.array(values)
 
@@ -112,7 +112,7 @@ def _steady_gains(read: BoolArray) -> Array:
 
 
 def _checks(filters: Filters) -> list[Check]:
-    """Compare P, K and estimates with the recursion, and the errors with theory."""
+    """Compare P, L and estimates with the recursion, and the errors with theory."""
     run, read = filters.run, filters.read
     gains, P = kalman_gains(read), run.covariance[:, 0, 0]
     grown = np.diff(P)[~read[1:]]
@@ -123,12 +123,12 @@ def _checks(filters: Filters) -> list[Check]:
     ]
     steps = np.flatnonzero(read)
     for step in steps[[1, 2, -1]]:
-        K = float(gains[step])
-        checks.append(close(f'K at {run.time[step]:g} s', '', K, _gain(filters, step), ROUNDING))
-    # a change of the first P is left by (1 - K)^2 after each reading
+        L = float(gains[step])
+        checks.append(close(f'L at {run.time[step]:g} s', '', L, _gain(filters, step), ROUNDING))
+    # a change of the first P is left by (1 - L)^2 after each reading
     left = FIRST / R * (1.0 - _steady_gain()) ** (2 * len(steps) - 2)
     last = float(gains[steps[-1]])
-    return [*checks, close('K in the end, of Riccati', '', _steady_gain(), last, left),
+    return [*checks, close('L in the end, of Riccati', '', _steady_gain(), last, left),
             *_losses(filters)]  # fmt: skip
 
 
@@ -187,7 +187,7 @@ def _draw(filters: Filters, path: Path) -> None:
         measured = [_gain(filters, step) for step in steps[1:]]
         gain.plot(run.time[steps[1:]], measured, 'o', color=ESTIMATE, ms=4, label='measured')
         gain.axhline(_steady_gain(), color=INPUT, lw=1.0, ls='--', label='steady state')
-        gain.set(title='The gain of each reading', ylabel='K', xlabel='time [s]', ylim=(0.0, 1.05))
+        gain.set(title='The gain of each reading', ylabel='L', xlabel='time [s]', ylim=(0.0, 1.05))
         gain.legend(loc='upper right')
         for label, estimate, gains, colour in (
             ('steady gain', filters.steady, _steady_gains(read), INPUT),
