@@ -224,7 +224,7 @@ class LoopMargins(tuple[InputMargins, ...]):
         disk = replace(self.all_at_once, alpha=round(self.all_at_once.alpha, 5))
         return [
             f'all inputs at once: gain {disk.lower_gain:.3g} to {disk.upper_gain:.3g}, '
-            f'phase +-{np.degrees(disk.phase):.3g} deg, disk {disk.alpha:.3g}'
+            f'phase ±{np.degrees(disk.phase):.3g} deg, disk {disk.alpha:.3g}'
         ]
 
 

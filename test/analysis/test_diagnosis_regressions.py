@@ -517,8 +517,8 @@ def test_an_offset_is_described_by_its_size_its_rate_or_its_range():
     fit = SimpleNamespace(std=np.array([0.25]))
     values = np.array([1.0, 2.0, 3.0, 4.0])
     for course, words in (
-        (bias.Course('constant', values, 1.0, fit), 'by +4 +- 0.2'),
-        (bias.Course('step', values, 1.0, fit, began=2), 'by +4 +- 0.2 from t = 4 s on'),
+        (bias.Course('constant', values, 1.0, fit), 'by +4 ± 0.2'),
+        (bias.Course('step', values, 1.0, fit, began=2), 'by +4 ± 0.2 from t = 4 s on'),
         (bias.Course('ramp', values, 1.0), 'drifts by +0.5 a second'),
         (bias.Course('walk', values, 1.0), 'wanders between +1 and +4'),
     ):

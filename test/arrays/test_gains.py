@@ -210,13 +210,13 @@ def test_margins_of_several_inputs_say_what_all_tolerate_at_once():
     found = kr.margins([[0, 10], [-10, 0]], np.eye(2), [[1, 10], [-10, 1]])
     assert all(at.disk.alpha == pytest.approx(2.0) for at in found)
     assert 1.09 < found.all_at_once.upper_gain < 1.11
-    assert 'all inputs at once: gain 0.905 to 1.1, phase +-5.71 deg' in str(found)
+    assert 'all inputs at once: gain 0.905 to 1.1, phase ±5.71 deg' in str(found)
     assert 'at once' not in str(kr.margins(kr.lqr([[0, 1], [0, 0]], [0, 1], 1, 1)))
 
 
 def test_a_gain_of_several_inputs_prints_what_all_tolerate_at_once():
     gain = kr.lqr([[0, 10], [-10, 0]], np.eye(2), 1, 1)
-    assert 'margins at all inputs at once: gain 0 to inf, phase +-90 deg, disk 2' in str(gain)
+    assert 'margins at all inputs at once: gain 0 to inf, phase ±90 deg, disk 2' in str(gain)
 
 
 @pytest.mark.parametrize(

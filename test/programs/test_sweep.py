@@ -1,15 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sweeps: ranges as typed, what plant and estimator get, theory beside measurement."""
 
+import io
 import json
 
 import numpy as np
 import pytest
+from rich.console import Console
 from thorough import thorough
 
+from kalman_ros.core import Space
 from kalman_ros.programs.sweep import program as sweep
+from kalman_ros.programs.sweep.grid import Point
 from kalman_ros.programs.sweep.ranges import Range, parsed
-from kalman_ros.programs.sweep.tables import sweep_table
+from kalman_ros.programs.sweep.tables import sweep_tables
 
 FEW = ('--runs', '6', '--seconds', '2')
 
@@ -136,8 +140,21 @@ def test_two_parameters_make_a_map(tmp_path):
 )
 def test_columns_of_one_name_have_the_whole(names, headers):
     ranges = [Range(name, name, None, True, True, False, (1.0,)) for name in names]
-    table = sweep_table(ranges, ['x'], [])
+    (table,) = sweep_tables(ranges, Space(('x',), ('m',)), [])
     assert [column.header for column in table.columns][:2] == headers
+
+
+def test_every_state_is_in_a_table_of_eighty_columns():
+    names = tuple(f'state_{k}' for k in range(15))
+    (swept,) = [Range('q', 'q', None, True, True, False, (1.0,))]
+    point = Point((1.0,), cost=2.0, anees=1.0, anees_bounds=(0.9, 1.1), rms=(0.125,) * 15)
+    tables = sweep_tables([swept], Space(names, ('m/s',) * 15), [point])
+    console = Console(width=80, record=True, file=io.StringIO())
+    for table in tables:
+        console.print(table)
+    text = console.export_text()
+    assert all(f'{name} ' in text for name in names) and '…' not in text
+    assert text.count('0.125') == text.count('[m/s]') == 15
 
 
 @pytest.mark.slow

@@ -87,7 +87,7 @@ def test_an_estimator_with_a_bias_state_follows_a_sensor_that_is_off(default_run
     assert errors[1] < 0.1
     assert said[0] == ''
     for part in said[1].split(', '):
-        mean, std = map(float, part.split(' +- '))
+        mean, std = map(float, part.split(' ± '))
         assert std < 0.3
         assert abs(mean - 0.5) < 3.0 * std
 

@@ -242,4 +242,4 @@ def _describe(course: Course, limits: Array) -> str:
         return f'drifts by {rate:+.3g} a second'
     std = float(course.fit.std[0]) if course.fit else 0.0
     since = f' from t = {limits[course.began] - limits[0]:.3g} s on' if course.began else ''
-    return f'by {course.values[-1]:+.3g} +- {std:.1g}{since}'
+    return f'by {course.values[-1]:+.3g} ± {std:.1g}{since}'

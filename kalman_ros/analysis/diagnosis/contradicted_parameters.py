@@ -57,7 +57,7 @@ def _changed(evidence: Evidence, found: Parameter, fit: Fit) -> Finding | None:
     return Finding(
         'parameter',
         name,
-        f'the data contradict {name}: {fitted:.3g} +- {fit.std[0]:.1g} fits, '
+        f'the data contradict {name}: {fitted:.3g} ± {fit.std[0]:.1g} fits, '
         f'{parameter(evidence, name).value:g} is configured.',
         fit.gain**0.5,
         change,

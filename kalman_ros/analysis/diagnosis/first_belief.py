@@ -35,7 +35,7 @@ def find(case: Examination) -> list[Finding]:
             'first belief too narrow',
             'initial_std',
             f'at the start {space.names[worst]} was {error[worst]:.3g} standard deviations from '
-            f'initial_estimate ({belief.mean[worst]:g} +- {belief.std[worst]:.3g}): widen '
+            f'initial_estimate ({belief.mean[worst]:g} ± {belief.std[worst]:.3g}): widen '
             'initial_std, or start from the first reading (initialize: reading).',
             fit.gain**0.5,
             change,

@@ -66,7 +66,7 @@ def _gain_finding(evidence: Evidence, kind: str, fits: Mapping[int, Fit]) -> Fin
     for index, fit in fits.items():
         gain, total = 1.0 + float(fit.size[0]), total + fit.gain
         value[:, index] *= gain
-        share = f'at {gain:.3g} +- {fit.std[0]:.1g} of its command'
+        share = f'at {gain:.3g} ± {fit.std[0]:.1g} of its command'
         words.append(f'{names[index]} {"with the wrong sign" if kind == "input sign" else share}')
     mended = replace(evidence, inputs=replace(evidence.inputs, value=value))
     return Finding(

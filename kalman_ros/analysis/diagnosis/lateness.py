@@ -104,7 +104,7 @@ def _shifted(evidence: Evidence, name: str, before: float, fit: Fit) -> Finding:
     return Finding(
         'stamps late' if tau < 0.0 else 'stamps early',
         name,
-        f'readings of {name} fit the state {abs(tau):.3g} +- {fit.std[0]:.1g} s '
+        f'readings of {name} fit the state {abs(tau):.3g} ± {fit.std[0]:.1g} s '
         f'{"before" if tau < 0.0 else "after"} their stamps: they are stamped '
         f'{"on receipt, not when they are taken" if tau < 0 else "too early"}. Stamp '
         'them when they are taken, or set the offset.',

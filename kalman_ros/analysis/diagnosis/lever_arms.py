@@ -54,7 +54,7 @@ def _moved(case: Examination, name: str, fit: Fit) -> Finding | None:
     columns = case.responses.columns('arm', name)
     shown = case.responses.information[columns, columns] > 0.0
     words = ', '.join(
-        f'{value:+.3g} +- {std:.1g} m {axis}'
+        f'{value:+.3g} ± {std:.1g} m {axis}'
         for value, std, axis, is_shown in zip(arm, fit.std, ('forward', 'left', 'up'), shown)
         if is_shown
     )

@@ -118,7 +118,7 @@ def _shifted(case: Examination, name: str, index: int, found: Stretch, limits: A
     return Finding(
         'disturbed', name,
         f'readings of {name} are off from t = {since - start:.3g} to {until - start:.3g} s, '
-        f'{space.label(space.names[index])} by {found.size:+.3g} +- {found.std:.1g}, and not '
+        f'{space.label(space.names[index])} by {found.size:+.3g} ± {found.std:.1g}, and not '
         'before or after: a magnet, reflections, or a slip.',
         found.gain**0.5, gain=found.gain, parameters=3, figure=innovations(case, name, index),
         mended=mended,

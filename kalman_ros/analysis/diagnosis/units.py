@@ -297,12 +297,12 @@ def _classify_factor(
     if factor < 0.0:
         if abs(factor + 1.0) < max(0.35, 4.0 * std):
             return 'sign', -1.0, ': they have the wrong sign'
-        return 'sign', factor, f' +- {std:.1g}: they have the wrong sign, and another scale'
+        return 'sign', factor, f' ± {std:.1g}: they have the wrong sign, and another scale'
     near = min(conversions, key=lambda unit: abs(log(factor / unit)))
     close = max(_CLOSE, min(4.0 * std / factor, 0.25))
     if factor > 0.0 and abs(log(factor / near)) < close:
         return 'unit', near, f': they are in {conversions[near]}'
-    return 'scale', factor, f' +- {std:.1g}: their scale is wrong'
+    return 'scale', factor, f' ± {std:.1g}: their scale is wrong'
 
 
 def mixed(evidence: Evidence, name: str, M: Array) -> Evidence:

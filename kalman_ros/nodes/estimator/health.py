@@ -56,7 +56,7 @@ class Health:
         values.update(fuser.observability.report(fuser.estimate()))
         for name, bias in believed.biases(online.belief).items():
             values[f'{name}: bias'] = ', '.join(
-                f'{mean:.4g} +- {std:.2g}' for mean, std in zip(bias.mean, bias.std)
+                f'{mean:.4g} ± {std:.2g}' for mean, std in zip(bias.mean, bias.std)
             )
         for name, factor in online.noise.items():
             values[f'{name}: noise'] = f'{sqrt(factor):.3g} times the declared'

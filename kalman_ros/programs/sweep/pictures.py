@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.colors import Normalize
 from matplotlib.ticker import FormatStrFormatter
 
 from kalman_ros.core import Array, Space
@@ -23,6 +24,8 @@ from kalman_ros.report.style import (
 
 from .grid import Point
 from .ranges import Range
+
+_LOST = 'lost runs [%]'
 
 
 def sweep_picture(
@@ -130,7 +133,7 @@ def _maps(
             [point.rms[0] if point.rms else np.nan for point in points]
         ),
         'ANEES': grid([point.anees for point in points]),
-        'lost runs [%]': grid([100.0 * point.lost for point in points]),
+        _LOST: grid([100.0 * point.lost for point in points]),
     }
     panels = {title: values for title, values in panels.items() if np.isfinite(values).any()}
     rows = -(-len(panels) // 2)
@@ -139,9 +142,8 @@ def _maps(
         shows += ' Cross: the configured ones.'
     with figure_with(path, rows, 2, (9.0, 3.4 * rows + 0.3), shows) as (figure, axes):
         for axis, (title, values) in zip(axes.flat, panels.items()):
-            scale = 'log' if _spread(values) > 20.0 else 'linear'
             drawn = axis.pcolormesh(
-                across.values, down.values, values, cmap='viridis', norm=scale, shading='nearest'
+                _edges(across), _edges(down), values, cmap='viridis', norm=_scale(title, values)
             )
             figure.colorbar(drawn, ax=axis)
             axis.set_title(title)
@@ -152,10 +154,28 @@ def _maps(
                 axis.plot(*([m] for m in reversed(marks)), 'x', color=INPUT, ms=9, mew=2.0)
             if across.log:
                 axis.set_xscale('log')
+                axis.xaxis.set_major_formatter(FormatStrFormatter('%g'))
             if down.log:
                 axis.set_yscale('log')
+                axis.yaxis.set_major_formatter(FormatStrFormatter('%g'))
         for axis in axes.flat[len(panels) :]:
             axis.set_axis_off()
+
+
+def _edges(swept: Range) -> Array:
+    """Return the edges (N + 1,) of cells about the values, halfway on the scale of the axis."""
+    values = np.log(swept.values) if swept.log else np.array(swept.values, dtype=float)
+    half = np.diff(values) / 2.0 if len(values) > 1 else np.array([0.5])
+    outer = values[:1] - half[:1], values[-1:] + half[-1:]
+    edges = np.concatenate((outer[0], values[:-1] + half[: len(values) - 1], outer[1]))
+    return np.exp(edges) if swept.log else edges
+
+
+def _scale(title: str, values: Array) -> Any:
+    """Return the scale of the colours; the share of lost runs is of 100."""
+    if title == _LOST:
+        return Normalize(0.0, 100.0)
+    return 'log' if _spread(values) > 20.0 else 'linear'
 
 
 def _spread(values: Array) -> float:

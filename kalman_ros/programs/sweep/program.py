@@ -143,7 +143,8 @@ def main(argv: Sequence[str] | None = None) -> None:
 
     points = [outcomes[index] for index in sorted(outcomes)]
     state = scenario.build(grid.believed).model.state
-    console.print(tables.sweep_table(grid.ranges, state.names, points))
+    for table in tables.sweep_tables(grid.ranges, state, points):
+        console.print(table)
     _explain(console, points, grid)
     summary = {
         'scenario': path.stem,
@@ -175,7 +176,7 @@ def _explain(console: Console, points: Sequence[Point], grid: Grid) -> None:
     """Print the meaning of the columns, and of the points that are unusual."""
     console.print(
         f'\n{len(grid.seeds)} runs of {grid.seconds:g} s at each point, with the same noise at '
-        'all. The last columns are RMS errors of the estimate; lost runs are not in the averages.'
+        'all. Under the names of states: RMS errors of the estimate. Lost runs are in no average.'
     )
     if any(not (point.refused or point.consistent) for point in points):
         console.print(

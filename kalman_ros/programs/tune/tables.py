@@ -70,7 +70,7 @@ def judgement_table(before: Judgement, after: Judgement) -> Table:
         verdict = '[green]ok[/]' if sensor.consistent else '[bold red]FAILS[/]'
         table.add_row(
             name, '' if old is None else f'{old.nis:.3g}', f'{sensor.nis:.3g}',
-            f'{low:.3g} to {high:.3g}', f'{sensor.whiteness:+.2f}', f'+-{sensor.white_bound:.2f}',
+            f'{low:.3g} to {high:.3g}', f'{sensor.whiteness:+.2f}', f'±{sensor.white_bound:.2f}',
             verdict if sensor.judged else 'too few',
         )  # fmt: skip
     return table

@@ -87,16 +87,16 @@ def test_what_fits_as_well_is_tied() -> None:
 @pytest.mark.parametrize(
     ('name', 'kind', 'subject', 'sentence', 'expected'),
     [
-        ('boat_log_10_percent', 'scale', 'log.v', 'multiplied by 0.912 +- 0.002: x', 'in'),
-        ('boat_log_10_percent', 'scale', 'log.v', 'multiplied by 0.95 +- 0.01: x', 'out'),
-        ('rover_gnss_delay', 'stamps late', 'gnss', 'fit the state 0.203 +- 0.002 s before', 'in'),
-        ('elevator_gravity', 'bias', 'accelerometer', 'off: a [m/s^2] by +9.8 +- 0.01.', 'in'),
-        ('pendulum_length', 'parameter', 'length', 'length: 0.56 +- 0.001 fits', 'out'),
+        ('boat_log_10_percent', 'scale', 'log.v', 'multiplied by 0.912 ± 0.002: x', 'in'),
+        ('boat_log_10_percent', 'scale', 'log.v', 'multiplied by 0.95 ± 0.01: x', 'out'),
+        ('rover_gnss_delay', 'stamps late', 'gnss', 'fit the state 0.203 ± 0.002 s before', 'in'),
+        ('elevator_gravity', 'bias', 'accelerometer', 'off: a [m/s^2] by +9.8 ± 0.01.', 'in'),
+        ('pendulum_length', 'parameter', 'length', 'length: 0.56 ± 0.001 fits', 'out'),
         ('oven_room_noise', 'noise too small', 'room.room', 'of 3.1 (2.9 to 3.2, 95 %): 1', 'in'),
         ('balloon_upper_quiet', 'noise too large', 'upper', 'of 3.4 (3.2 to 4, 95 %): x', 'out'),
         ('oven_wall_drift', 'drift', 'wall', 'wall drifts by +0.005 a second', ''),
-        ('balloon_lower_offset', 'bias', 'lower', 'x by +3.1 +- 0.1, y by +0.1 +- 0.1', 'out'),
-        ('boat_compass_7_degrees', 'bias', 'compass', 'psi [rad] by +0.12 +- 0.01', ''),
+        ('balloon_lower_offset', 'bias', 'lower', 'x by +3.1 ± 0.1, y by +0.1 ± 0.1', 'out'),
+        ('boat_compass_7_degrees', 'bias', 'compass', 'psi [rad] by +0.12 ± 0.01', ''),
     ],
 )
 def test_an_interval_has_the_size_or_not(

@@ -180,7 +180,7 @@ def test_the_program_lists_and_writes_this_set(
 
 def test_coordinates_without_a_bias_have_none() -> None:
     found = {'kind': 'bias', 'subject': 'magnetometer'}
-    off = 'forward [T] by +3.03e-06 +- 4e-08, left [T] by {} +- 4e-08'
+    off = 'forward [T] by +3.03e-06 ± 4e-08, left [T] by {} ± 4e-08'
     for other, expected in (('-1.85e-08', 'in'), ('-3e-07', 'out')):
         finding = {**found, 'sentence': off.format(other)}
         assert interval(finding, RECORDINGS['hovercraft_hard_iron']) == expected
