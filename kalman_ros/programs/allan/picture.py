@@ -16,9 +16,11 @@ from .channels import NAMES, UNITS
 _LINES = (('white noise', ':'), ('bias instability', '--'), ('bias random walk', '-.'))
 
 
-def allan_picture(topic: str, results: Sequence[Allan], path: Path) -> None:
+def allan_picture(results: Sequence[Allan], path: Path) -> None:
     """Draw six channels, gyro above and accelerometer below."""
-    with figure_with(path, 2, 3, (10.0, 6.0), sharex=True, sharey='row') as (figure, axes):
+    shows = 'How much averages over a time differ from one to the next, and by which noise.'
+    sharing = {'sharex': True, 'sharey': 'row'}
+    with figure_with(path, 2, 3, (10.0, 6.0), shows, **sharing) as (figure, axes):
         for axis, name, unit, result in zip(axes.ravel(), NAMES, UNITS, results):
             axis.fill_between(result.time, result.low, result.high, color=BOUND, alpha=0.3, lw=0.0,
                               label='95 % interval')  # fmt: skip
@@ -31,5 +33,4 @@ def allan_picture(topic: str, results: Sequence[Allan], path: Path) -> None:
         axes[1, 1].set_xlabel('averaging time [s]')
         for row in axes:
             row[0].set_ylabel('Allan deviation')
-        figure.suptitle(f'{topic}: {results[0].duration:.4g} s at rest')
         legend_below(figure, axes[0, 0], markerscale=1.0)

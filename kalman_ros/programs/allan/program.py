@@ -55,13 +55,17 @@ def main(argv: Sequence[str] | None = None) -> None:
     except ValueError as error:
         refuse('allan', error)
 
-    from .picture import allan_picture  # matplotlib loads while nothing waits
+    from kalman_ros.report.style import caption  # matplotlib loads while nothing waits
+
+    from .picture import allan_picture
 
     names, summary = ['summary.json'], {}
     for topic, readings in recorded.items():
         _show(console, readings, results[topic])
         names.append(f'{topic.strip("/").replace("/", "_")}.png')
-        allan_picture(topic, results[topic], options.out / names[-1])
+        at_rest = f'{results[topic][0].duration:.4g} s at rest'
+        with caption(f'allan, {Path(options.bag).name}, {topic}: {at_rest}'):
+            allan_picture(results[topic], options.out / names[-1])
         summary[topic] = {
             'rate': 1.0 / readings.period,
             'duration': results[topic][0].duration,

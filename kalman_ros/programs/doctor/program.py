@@ -79,7 +79,7 @@ def main(argv: Sequence[str] | None = None) -> None:
             diagnosis = diagnose(evidence, progress)
     except (ValueError, OSError) as error:
         refuse('doctor', error)
-    show(diagnosis, folder, console)
+    show(diagnosis, options.bag.name, folder, console)
     sys.exit(1 if diagnosis.findings else 0)
 
 
@@ -127,9 +127,9 @@ def _show_progress(console: Console) -> Iterator[Callable[[str], None]]:
         yield lambda text: bar.update(task, description=text)
 
 
-def show(diagnosis: Diagnosis, folder: Path, console: Console) -> None:
-    """Print a diagnosis, draw it, and write ``summary.json``."""
-    from kalman_ros.report import diagnosis_pictures  # matplotlib is slow to load
+def show(diagnosis: Diagnosis, name: str, folder: Path, console: Console) -> None:
+    """Print the diagnosis of a recording, draw it, and write ``summary.json``."""
+    from kalman_ros.report import diagnosis_pictures, style  # matplotlib is slow to load
 
     if diagnosis.findings:
         console.print(findings_table(diagnosis))
@@ -137,7 +137,8 @@ def show(diagnosis: Diagnosis, folder: Path, console: Console) -> None:
         console.print()
     for sentence in sentences(diagnosis):
         console.print(sentence, markup=False)
-    drawn = diagnosis_pictures.draw(diagnosis.findings, folder)
+    with style.caption(f'doctor, {name}'):
+        drawn = diagnosis_pictures.draw(diagnosis.findings, folder)
     (folder / 'summary.json').write_text(json.dumps(summary(diagnosis), indent=2) + '\n')
     names = ', '.join(['summary.json', *(path.name for path in drawn)])
     console.print(f'In {folder}: {names}', style='dim')

@@ -118,7 +118,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     checks = statistics.checks(run, errors)
     passed = bool(checks) and all(check.passed for check in checks)
 
-    from kalman_ros.report import sheet
+    from kalman_ros.report import sheet, style
     from kalman_ros.report.run_tables import checks_table, verdict
 
     from . import pictures  # matplotlib is slow to load
@@ -144,10 +144,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     )
     # the summary last: if it exists, the results are complete
     with deferred():
-        drawn = pictures.draw_all(run, folder)
-        if beside is not None and beside.apart is not None:
-            drawn.append(folder / 'against.png')
-            pictures.against(run, beside, drawn[-1])
+        with style.caption(
+            f'replay of {Path(options.bag).name}, filter {run.scenario.filter}, {mode}'
+        ):
+            drawn = pictures.draw_all(run, folder)
+            if beside is not None and beside.apart is not None:
+                drawn.append(folder / 'against.png')
+                pictures.against(run, beside, drawn[-1])
         if run.smoothed is not None:
             s = run.smoothed
             np.savez(folder / 'smoothed.npz', time=s.time, mean=s.mean, covariance=s.covariance)

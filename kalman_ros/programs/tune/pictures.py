@@ -45,7 +45,8 @@ def draw_profiles(profiles: Sequence[Profile], path: Path) -> None:
 def draw_nis(before: Judgement, after: Judgement, held_from: float | None, path: Path) -> None:
     """Draw the NIS of each sensor by its degrees of freedom, before and after the fit."""
     names = list(after.sensors)
-    with picture(path, len(names), 1, (8.0, 2.2 * len(names))) as (_, axes):
+    shows = 'The squared surprise of each sensor over the expected one, before and after the fit.'
+    with picture(path, len(names), 1, (8.0, 2.2 * len(names) + 0.4), shows) as (_, axes):
         for axis, name in zip(axes[:, 0], names):
             if name in before.sensors:
                 axis.plot(*_pieces(before.sensors[name]), color=READING, label='before')

@@ -124,7 +124,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     except (ValueError, OSError) as error:
         refuse('tune', error)
 
-    from . import pictures  # matplotlib is slow to load
+    from kalman_ros.report.style import caption  # matplotlib is slow to load
+
+    from . import pictures
 
     _show(console, recorded, fitted, results)
     pasted = tables.pasted(fitted, recorded.named)
@@ -136,12 +138,13 @@ def main(argv: Sequence[str] | None = None) -> None:
         console.print(sentence, markup=False)
     (folder / 'fitted.yaml').write_text(tables.parameter_file(lines, fitted))
     names = ['summary.json', 'fitted.yaml']
-    if results.profiles:
-        pictures.draw_profiles(results.profiles, folder / 'profiles.png')
-        names.append('profiles.png')
-    if results.everything is not None and results.everything[1].sensors:
-        pictures.draw_nis(*results.everything, _held_from(recorded), folder / 'nis.png')
-        names.append('nis.png')
+    with caption(f'tune, {Path(options.bag).name}'):
+        if results.profiles:
+            pictures.draw_profiles(results.profiles, folder / 'profiles.png')
+            names.append('profiles.png')
+        if results.everything is not None and results.everything[1].sensors:
+            pictures.draw_nis(*results.everything, _held_from(recorded), folder / 'nis.png')
+            names.append('nis.png')
     record = tables.summary(fitted, results.held, pasted, results.margins, recorded.notes)
     (folder / 'summary.json').write_text(json.dumps(record, indent=2) + '\n')
     console.print(f'\nIn {folder}: {", ".join(names)}', style='dim')
