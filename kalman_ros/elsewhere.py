@@ -49,6 +49,9 @@ ELSEWHERE = {
     'nyquist_plot': 'margins(...).plot(), of a loop that is stable when closed',
     'frequency_response': 'lqe(...).plot(), and margins(...).plot()',
     'freqresp': 'lqe(...).plot(), and margins(...).plot()',
+    'singular_values_plot': 'margins(...).plot(), of a loop that is stable when closed',
+    'sigma_plot': 'margins(...).plot(), of a loop that is stable when closed',
+    'h2syn': 'design(make_scenario(model, sensors, ...)), LQG, the H2 optimum',
     'ncfsyn': 'loop_shaping',
     'hinfsyn': 'loop_shaping',
     'mixsyn': 'loop_shaping',
@@ -122,5 +125,5 @@ ABSENT = (
     'append', 'connect', 'dcgain', 'stepinfo', 'step_info', 'impulse_response', 'sisotool',
     'pid', 'pidtune', 'lyap', 'dlyap', 'minreal', 'balreal', 'nlsys', 'frd', 'interconnect',
     'TransferFunction', 'NonlinearIOSystem', 'balred', 'norm', 'pade', 'sigma', 'rss', 'ss2tf',
-    'step', 'expm',
+    'step', 'expm', 'd2c', 'd2d', 'gangof4', 'describing_function',
 )  # fmt: skip

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.core import Array
+from kalman_ros.core.known_names import KnownNames
 from kalman_ros.estimators.consistency import chi_square_bounds, nees
 from kalman_ros.simulation.trajectory import Innovations, Trajectory
 
 from . import text
 from .accept import got, number, numbers
 from .estimates import Estimates
-from .known_names import KnownNames
 
 
 @dataclass(frozen=True)

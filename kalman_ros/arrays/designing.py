@@ -19,6 +19,7 @@ from kalman_ros.analysis.design_theory import report
 from kalman_ros.control.limiter import LIMITS
 from kalman_ros.control.stability import Mode
 from kalman_ros.core import Array, Dynamics
+from kalman_ros.core.known_names import KnownNames
 from kalman_ros.linear.structure import ComplexArray
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import limits
@@ -27,7 +28,6 @@ from .accept import columns, number, rows, square
 from .estimates import _path
 from .foreign import is_foreign, read_system
 from .gain_results import InputMargins
-from .known_names import KnownNames
 from .scenarios import BELIEVED, make_scenario, values_of
 from .text import WIDTH
 

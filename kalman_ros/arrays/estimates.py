@@ -11,11 +11,11 @@ from typing import Any, ClassVar, NoReturn
 import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Space
+from kalman_ros.core.known_names import KnownNames
 from kalman_ros.estimators.smoother import Filtered
 from kalman_ros.simulation.trajectory import Innovations, Series
 
 from . import text
-from .known_names import KnownNames
 from .tables import to_dataframe
 
 

@@ -13,6 +13,7 @@ from kalman_ros import scenario as scenarios
 from kalman_ros.control.limiter import LIMITS
 from kalman_ros.control.motion import Motion
 from kalman_ros.core import ArrayLike
+from kalman_ros.core.known_names import KnownNames
 from kalman_ros.embedded.loop import loop
 from kalman_ros.embedded.writing import Built, Written, build, write
 from kalman_ros.estimators.policy import Policy
@@ -22,7 +23,6 @@ from kalman_ros.scenario.regulator import limits
 
 from . import text
 from .accept import number, numbers, whole
-from .known_names import KnownNames
 from .scenarios import BELIEVED, values_of
 
 

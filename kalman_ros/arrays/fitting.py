@@ -17,13 +17,13 @@ from kalman_ros.analysis.tuning.likelihood import Likelihood
 from kalman_ros.analysis.tuning.observations import Observations, Readings
 from kalman_ros.analysis.tuning.walk import Conditions
 from kalman_ros.core import Array, ArrayLike
+from kalman_ros.core.known_names import KnownNames
 from kalman_ros.estimators.diffuse import check_start
 from kalman_ros.estimators.policy import Policy
 
 from . import text
 from .accept import number
 from .filtering import _inputs
-from .known_names import KnownNames
 from .passing import gate_limits
 from .rows import Rows, readings_of
 from .tuned_problems import FunctionProblem, ScenarioProblem

@@ -18,11 +18,11 @@ from kalman_ros.control.margins import DiskMargin, Margins, loop_at_a_time
 from kalman_ros.control.simultaneous import simultaneous_disk
 from kalman_ros.control.state_space import StateSpace
 from kalman_ros.core import Array
+from kalman_ros.core.known_names import KnownNames
 from kalman_ros.linear.structure import ComplexArray, is_stable
 
 from . import text
 from .accept import Plant
-from .known_names import KnownNames
 
 
 class _Gain(KnownNames, NDArrayOperatorsMixin):

@@ -10,12 +10,12 @@ from kalman_ros.control import loop_shaping as shaping
 from kalman_ros.control.loop_shaping import BEYOND
 from kalman_ros.control.state_space import state_space
 from kalman_ros.core import Array, ArrayLike
+from kalman_ros.core.known_names import KnownNames
 
 from . import text
 from .accept import number, plant, rows, weight
 from .foreign import read_system
 from .gain_results import Observer, StateFeedback
-from .known_names import KnownNames
 from .observers import observer_of
 
 

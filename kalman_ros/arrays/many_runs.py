@@ -12,6 +12,7 @@ import numpy as np
 
 from kalman_ros.analysis.ensemble import Ensemble, ensemble
 from kalman_ros.core import ArrayLike
+from kalman_ros.core.known_names import KnownNames
 from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.batch_loop import Loop
 from kalman_ros.simulation.loop_law import Reference
@@ -20,7 +21,6 @@ from kalman_ros.simulation.monte_carlo import spawned
 from . import text
 from .accept import duration, number, whole
 from .estimates import _path
-from .known_names import KnownNames
 from .loop_setup import Given, loop_of
 from .simulating import SimulatedRun, run_of
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.core import Array, ArrayLike, Gaussian
+from kalman_ros.core.known_names import KnownNames
 from kalman_ros.estimators import online
 from kalman_ros.estimators.filter import Correction
 from kalman_ros.estimators.outcome import Outcome
@@ -19,7 +20,6 @@ from kalman_ros.simulation.loop_law import Answer, Reference
 
 from . import text
 from .accept import belief_of, duration, finite, got, number, numbers, seconds, whole
-from .known_names import KnownNames
 from .loop_setup import Given, law_of
 from .passing import gate_limits
 from .rows import sensors_of

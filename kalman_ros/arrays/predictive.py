@@ -18,11 +18,11 @@ from kalman_ros.control.lqr import cost, dlqr, sampled_cost
 from kalman_ros.control.motion import Motion
 from kalman_ros.control.predictive import predicted
 from kalman_ros.core import Array, ArrayLike, Dynamics, Gaussian, Space
+from kalman_ros.core.known_names import KnownNames
 
 from . import text
 from .accept import finite, number, numbers, plant, sample_time, shifted, weight, whole
 from .estimates import _path
-from .known_names import KnownNames
 
 
 class Plan(NamedTuple):

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.core import ArrayLike, refuse_unknown
+from kalman_ros.core.known_names import KnownNames
 from kalman_ros.scenario import Scenario
 from kalman_ros.simulation import closed_loop
 from kalman_ros.simulation.batch_loop import Loop
@@ -21,7 +22,6 @@ from kalman_ros.simulation.trajectory import Trajectory
 from . import text
 from .accept import duration, whole
 from .estimates import _path
-from .known_names import KnownNames
 from .loop_setup import Given, loop_of
 
 #: The pictures of a run.

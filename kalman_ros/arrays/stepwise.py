@@ -14,12 +14,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from kalman_ros.core import Array, ArrayLike, Gaussian, Sensor
+from kalman_ros.core.known_names import KnownNames
 from kalman_ros.estimators.diffuse import Diffuse, begun
 from kalman_ros.estimators.filter import Correction
 from kalman_ros.estimators.filters import ekf, kf, ukf
 
 from .accept import belief_of, finite, seconds
-from .known_names import KnownNames
 from .rows import model_of, sensors_of
 
 
@@ -40,8 +40,14 @@ class Stepwise(KnownNames):
 
     model: Any
 
-    def __new__(cls, *_: Any, **options: Any) -> Any:
-        """Refuse the arguments of filterpy with those that there are here."""
+    def __new__(cls, *given: Any, **options: Any) -> Any:
+        """Refuse the arguments of filterpy and others with those that there are here."""
+        if len(given) > 1 and np.ndim(given[0]) == 2:
+            raise TypeError(
+                f'{cls.__name__}: expected a model, got matrices: '
+                f'kr.{cls.__name__}(kr.discrete_model(F, G, Q)); readings go into '
+                'correct(belief, y, (H, R))'
+            )
         if not options.keys().isdisjoint(('dim_x', 'dim_z')):
             raise TypeError(
                 f'{cls.__name__}: filterpy has dim_x and dim_z, here a filter has a model: '

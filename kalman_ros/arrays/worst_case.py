@@ -17,13 +17,13 @@ from kalman_ros.analysis.worst_case import Plant, WorstCases, named_plants, wors
 from kalman_ros.control.margins import Margins
 from kalman_ros.control.worst_case import Bracket
 from kalman_ros.core import Array, Dynamics, refuse_unknown
+from kalman_ros.core.known_names import KnownNames
 from kalman_ros.scenario import Scenario
 
 from . import text
 from .accept import got, number
 from .designing import Design
 from .fitting import Tuning
-from .known_names import KnownNames
 from .scenarios import BELIEVED, values_of
 from .tuned_problems import defaults
 

@@ -3,13 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
-from typing import NamedTuple, TypeVar
+from typing import ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 
 from kalman_ros.linear.matrices import Array, ArrayLike, check_real
+
+from .known_names import KnownNames
 
 G = TypeVar('G', bound='Gaussian')
 
@@ -19,7 +21,7 @@ class _Moments(NamedTuple):
     covariance: Array
 
 
-class Gaussian(_Moments):
+class Gaussian(KnownNames, _Moments):
     """A mean (n,) and a covariance (n, n).
 
     Raises
@@ -29,6 +31,12 @@ class Gaussian(_Moments):
     """
 
     __slots__ = ()
+    other_names: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(('x', 'mu'), '.mean'),
+        **dict.fromkeys(('P', 'cov', 'Sigma'), '.covariance'),
+        **dict.fromkeys(('sigma', 'stddev'), '.std'),
+        'var': '.covariance.diagonal()',
+    }
     #: L (..., n, n) with L L' = P, where a filter keeps it.
     factor: Array | None = None
 

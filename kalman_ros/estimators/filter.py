@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import log, pi
 from typing import Any, ClassVar, NamedTuple
@@ -11,6 +12,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from kalman_ros.core import Array, Dynamics, Gaussian, Sensor, is_finite, unchecked
+from kalman_ros.core.known_names import KnownNames
 from kalman_ros.linear.factor import cholesky
 from kalman_ros.linear.kernels import kernels
 
@@ -26,7 +28,7 @@ class Prediction(NamedTuple):
     Q: Array
 
 
-class Correction:
+class Correction(KnownNames):
     """A corrected belief with its innovation; with leading axes, many of them.
 
     Parameters
@@ -46,6 +48,15 @@ class Correction:
     """
 
     __slots__ = ('_nis', 'gain', 'innovation', 'innovation_covariance', 'jacobian', 'posterior')
+    other_names: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(('x', 'x_post', 'mean'), '.posterior.mean'),
+        **dict.fromkeys(('P', 'P_post', 'covariance'), '.posterior.covariance'),
+        **dict.fromkeys(('y', 'residual'), '.innovation'),
+        'S': '.innovation_covariance',
+        'K': '.gain',
+        'H': '.jacobian',
+        'likelihood': '.log_likelihood',
+    }
 
     def __init__(
         self,

@@ -215,6 +215,33 @@ def test_the_arguments_of_filterpy_are_answered_with_ours(name):
         getattr(kr, name)(dim_x=2, dim_z=1)
 
 
+@pytest.mark.parametrize('name', ['KalmanFilter', 'ExtendedKalmanFilter', 'UnscentedKalmanFilter'])
+def test_matrices_in_place_of_a_model_are_answered_with_the_model(name):
+    with pytest.raises(TypeError, match=f'^{name}: expected a model, got matrices: kr.{name}'):
+        getattr(kr, name)(np.eye(2), np.eye(1, 2), np.eye(2), np.eye(1))
+
+
+@pytest.mark.parametrize(
+    ('name', 'here'),
+    [('x', '.mean'), ('P', '.covariance'), ('cov', '.covariance'), ('sigma', '.std')],
+)
+def test_a_belief_names_what_others_call_otherwise(name, here):
+    with pytest.raises(AttributeError, match=f"^Gaussian has no '{name}'; here it is {here}$"):
+        getattr(START, name)
+    with pytest.raises(AttributeError, match=r"^Gaussian has no 'nope'; it has covariance, fac"):
+        assert START.nope
+
+
+@pytest.mark.parametrize(
+    ('name', 'here'),
+    [('x', '.posterior.mean'), ('K', '.gain'), ('S', '.innovation_covariance')],
+)
+def test_a_correction_names_what_others_call_otherwise(name, here):
+    found = EKF.correct(START, [0.1, 0.0], ENCODERS)
+    with pytest.raises(AttributeError, match=f"^Correction has no '{name}'; here it is {here}$"):
+        getattr(found, name)
+
+
 def norm(x):
     return np.linalg.norm(x)
 

@@ -6,12 +6,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, ClassVar, NoReturn
 
-from kalman_ros.core.named_options import nearest
+from .named_options import nearest
 
 
 class KnownNames:
     """A result whose error for an unknown attribute names the right one, or lists all."""
 
+    __slots__ = ()
     #: Names that attributes have in other libraries, each with the attribute of this result.
     other_names: ClassVar[Mapping[str, str]] = {}
 
@@ -25,7 +26,7 @@ class KnownNames:
                 here = self.other_names[name]
                 raise AttributeError(f"{kind.__name__} has no '{name}'; here it is {here}")
             known = {*dir(kind), *getattr(kind, '__dataclass_fields__', ())}
-            known.discard('other_names')
+            known -= {'other_names', *(dir(tuple) if isinstance(self, tuple) else ())}
             public = sorted(each for each in known if not each.startswith('_'))
             hint = nearest(name, public) or f'it has {", ".join(public)}'
             raise AttributeError(f"{kind.__name__} has no '{name}'; {hint}")
