@@ -91,7 +91,8 @@ def row(fault: str, injected: Sequence[Case], seconds: float, seed: int) -> Row:
     evidence = recorded(scenario, injection, seconds, seed)
     begin = time.process_time()
     diagnosis = diagnose(evidence)
-    findings = (*diagnosis.findings, *diagnosis.notes)
+    noted = [each for each in diagnosis.notes if any(names(each, case) for case in injected)]
+    findings = (*diagnosis.findings, *noted)
     spent = time.process_time() - begin
     ranks, tied = [], False
     for case in injected:
