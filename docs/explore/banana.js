@@ -46,7 +46,7 @@ export const banana = {
         plot.ellipse(tangent, 'input');
         plot.ellipse(unscented, 'estimate');
         for (const each of sent) plot.point(...each, 'estimate', 4.5);
-        plot.legend([['exact', 'ink'], ['tangent (EKF)', 'input'], ['sigma points (UKF)', 'estimate']], 'left bottom');
+        plot.legend([['exact', 'ink'], ['tangent (EKF)', 'input'], ['sigma points (UKF)', 'estimate']]);
       },
     },
   ],

@@ -84,7 +84,7 @@ export const bearings = {
         plot.across(before, 'soft', 'dotted');
         if (kind === 2) plot.upright(COUNT / 2, 'soft', 'dotted');
         plot.curve(rows.map(({ P }, k) => [k + 1, longest(P)]), 'estimate', { width: 2.5 });
-        plot.legend([['σ of the place', 'estimate'], ['before the first bearing', 'soft']], 'left bottom');
+        plot.legend([['σ of the place', 'estimate'], ['before the first bearing', 'soft']]);
       },
     },
   ],

@@ -26,6 +26,7 @@ const PAUSE = 600;  // milliseconds without a change until a screen reader has t
 class Plot {
   constructor(pen, width, height, { x, y, across, up, equal, log = '' }) {
     this.pen = pen;
+    this.named = [];
     this.box = { left: MARGIN.left, right: width - MARGIN.right, top: MARGIN.top, bottom: height - MARGIN.bottom };
     const { left, right, top, bottom } = this.box;
     this.x = x; this.y = y;
@@ -131,21 +132,8 @@ class Plot {
     this.pen.fillText(words, this.X(x) + { left: 7, right: -7, center: 0 }[align], this.Y(y) - 5);
   }
 
-  // lines of text at a corner, each in the colour of what it names
-  legend(entries, corner = 'right top') {
-    const { left, right, top, bottom } = this.box, low = corner.includes('bottom'), at = corner.includes('left') ? left + 8 : right - 8;
-    this.pen.textAlign = corner.includes('left') ? 'left' : 'right';
-    this.pen.textBaseline = 'middle';
-    entries.forEach(([words, look], k) => {
-      const y = low ? bottom - 10 - 15 * (entries.length - 1 - k) : top + 11 + 15 * k, wide = this.pen.measureText(words).width + 6;
-      this.pen.globalAlpha = 0.75;
-      this.pen.fillStyle = colour('paper');
-      this.pen.fillRect(corner.includes('left') ? at - 3 : at - wide + 3, y - 7, wide, 14);
-      this.pen.globalAlpha = 1;
-      this.pen.fillStyle = colour(look);
-      this.pen.fillText(words, at, y);
-    });
-  }
+  // what is drawn in which colour, for the line above the picture: [[words, look]]
+  legend(entries) { this.named = entries; }
 }
 
 // What was moved, in the address of the page: it can be shared.
@@ -225,9 +213,11 @@ export function mount(host, name, recipe) {
     const canvas = element('canvas'), frame = element('div', { className: 'explorable-frame' }, canvas);
     canvas.setAttribute('role', 'img');
     canvas.setAttribute('aria-label', `${panel.title}: ${panel.up} over ${panel.across}`);
-    const shown = { panel, canvas, plot: null, handles: (panel.handles ?? []).map((handle) => grip(handle, () => shown, () => [state, computed], change)) };
+    const legend = element('p', { className: 'explorable-legend' });
+    const shown = { panel, canvas, legend, plot: null, handles: (panel.handles ?? []).map((handle) => grip(handle, () => shown, () => [state, computed], change)) };
     frame.append(...shown.handles.map((handle) => handle.element));
-    stage.append(element('div', { className: 'explorable-panel' }, element('p', { textContent: panel.title }), frame));
+    stage.append(element('div', { className: 'explorable-panel' }, element('p', { textContent: panel.title }), legend, frame));
+    frame.classList.toggle('equal', Boolean(panel.equal));
     return shown;
   });
   host.setAttribute('role', 'group');
@@ -244,6 +234,7 @@ export function mount(host, name, recipe) {
       const range = (axis) => (typeof axis === 'function' ? axis(state, computed) : axis);
       shown.plot = new Plot(area.pen, area.width, area.height, { ...panel, x: range(panel.x), y: range(panel.y) });
       shown.plot.clipped(() => panel.draw(shown.plot, state, computed));
+      explain(shown.legend, shown.plot.named);
       for (const handle of shown.handles) handle.show(shown.plot);
     }
     for (const control of controls) control();
@@ -267,6 +258,17 @@ export function mount(host, name, recipe) {
   const seen = new IntersectionObserver(again);  // what is out of sight is not drawn
   panels.forEach(({ canvas }) => seen.observe(canvas));
   return again;
+}
+
+// The words of a legend in their colours, changed only where they are others.
+function explain(legend, entries) {
+  if (legend.dataset.shown === String(entries)) return;
+  legend.dataset.shown = String(entries);
+  legend.replaceChildren(...entries.map(([words, look]) => {
+    const part = element('span', { textContent: words });
+    part.style.color = `var(--${look})`;
+    return part;
+  }));
 }
 
 // A place that is dragged, by a pointer or with the arrow keys.

@@ -33,7 +33,7 @@ export const feedback = {
         complexPlane(plot);
         plot.cross(0, 0, 'soft');
         mark(plot, polesOf(state), 'estimate');
-        plot.legend([['without feedback', 'soft'], ['with it', 'estimate']], 'left top');
+        plot.legend([['without feedback', 'soft'], ['with it', 'estimate']]);
       },
     },
     {
@@ -48,7 +48,7 @@ export const feedback = {
         plot.between([[0, 99], [END, 99]], [[0, limit], [END, limit]], 'growth');
         plot.between([[0, -limit], [END, -limit]], [[0, -99], [END, -99]], 'growth');
         plot.curve(forces, 'input', { width: 2.5 });
-        plot.legend([['the force', 'input'], ['shaded: too much', 'soft']], 'right bottom');
+        plot.legend([['the force', 'input'], ['shaded: too much', 'soft']]);
       },
     },
   ],

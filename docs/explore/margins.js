@@ -128,7 +128,7 @@ export const margins = {
         plot.curve(curve.map(([re, im]) => [re, -im]), 'reading', { width: 1.2 });
         plot.curve(curve, stable ? 'estimate' : 'bad', { width: 2.5 });
         plot.cross(-1, 0, 'bad', 6);
-        plot.legend([['the loop', stable ? 'estimate' : 'bad'], ['LQR keeps out of this circle', 'prior'], ['−1: oscillates for ever', 'bad']], 'left bottom');
+        plot.legend([['the loop', stable ? 'estimate' : 'bad'], ['LQR keeps out of this circle', 'prior'], ['−1: oscillates for ever', 'bad']]);
       },
     },
     {

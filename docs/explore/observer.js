@@ -72,7 +72,7 @@ export const observer = {
         });
         plot.across(kalman, 'prior');
         plot.point(state.speed, now, 'estimate', 6);
-        plot.legend([['by the sensor\'s noise', 'reading'], ['by the pushes', 'input'], ['both', 'estimate'], ['Kalman\'s gain', 'prior']], 'right bottom');
+        plot.legend([['by the sensor\'s noise', 'reading'], ['by the pushes', 'input'], ['both', 'estimate'], ['Kalman\'s gain', 'prior']]);
       },
     },
   ],

@@ -44,7 +44,7 @@ export function complexPlane(plot) {
   plot.between([[0, plot.y[1]], [plot.x[1], plot.y[1]]], [[0, plot.y[0]], [plot.x[1], plot.y[0]]], 'growth');
   plot.curve([[plot.x[0], 0], [plot.x[1], 0]], 'soft', { width: 1 });
   plot.curve([[0, plot.y[0]], [0, plot.y[1]]], 'soft', { width: 1 });
-  plot.legend([['grows', 'soft']], 'right bottom');
+  plot.legend([['shaded: it grows', 'soft']]);
 }
 
 export const mark = (plot, poles, look) => poles.forEach(([re, im]) => plot.cross(re, im, look));

@@ -38,7 +38,7 @@ export const sampling = {
         plot.curve([[-2, 0], [2, 0]], 'line', { width: 1 });
         for (const [re, im] of z) plot.cross(re, im, complex.size([re, im]) < 1 ? 'estimate' : 'bad');
         plot.point(0, 0, 'soft', 3);
-        plot.legend([['inside: it decays', 'soft']], 'left bottom');
+        plot.legend([['inside: it decays', 'soft']]);
       },
     },
     {
@@ -60,7 +60,7 @@ export const sampling = {
         for (const k of [0, 1]) plot.curve(speeds.map((each) => [each, size(each, k)]), k ? 'input' : 'estimate', { width: k === Math.round(late) ? 2.5 : 1.2 });
         plot.across(1, 'bad');
         plot.point(speed, size(speed, Math.round(late)), Math.round(late) ? 'input' : 'estimate', 6);
-        plot.legend([['acts at once', 'estimate'], ['one sample late', 'input'], ['continuous', 'prior']], 'left top');
+        plot.legend([['acts at once', 'estimate'], ['one sample late', 'input'], ['continuous', 'prior']]);
       },
     },
   ],

@@ -41,7 +41,7 @@ export const sensor = {
         plot.curve(path(F, [x, y], COUNT), 'input', { width: 1.2 });
         plot.point(...TRUE, 'ink', 5);
         plot.point(x, y, 'input', 5);
-        plot.legend([['the two modes', 'prior'], ['same reading at the start', 'reading'], ['known after 4 s, 2σ', 'estimate']], 'left bottom');
+        plot.legend([['the two modes', 'prior'], ['same reading at the start', 'reading'], ['known after 4 s, 2σ', 'estimate']]);
       },
     },
     {

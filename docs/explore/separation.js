@@ -32,7 +32,7 @@ export const separation = {
         for (const [re, im] of all) plot.point(re, im, 'line', 9);
         mark(plot, polesOf(state), 'input');
         mark(plot, polesOf(state, '2'), 'estimate');
-        plot.legend([['regulator, A − B K', 'input'], ['estimator, A − L C', 'estimate'], ['grey: the whole loop', 'soft']], 'left top');
+        plot.legend([['regulator, A − B K', 'input'], ['estimator, A − L C', 'estimate'], ['grey: the whole loop', 'soft']]);
       },
     },
     {
