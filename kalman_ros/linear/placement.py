@@ -17,7 +17,14 @@ import numpy as np
 from .discretize import zero_order_hold
 from .errors import DesignError
 from .matrices import Array
-from .structure import ComplexArray, balancing, describe, eigenvalues, uncontrollable_modes
+from .structure import (
+    ComplexArray,
+    balancing,
+    describe,
+    describe_distinct,
+    eigenvalues,
+    uncontrollable_modes,
+)
 
 #: Placed poles further from the requested ones than this, relative to the largest, are an error.
 _ACCURACY = 1e-4
@@ -71,7 +78,7 @@ def place(A: Array, B: Array, poles: Sequence[complex]) -> PlacementDesign:
     wanted = _gathered(_checked(len(A), poles))
     stuck = uncontrollable_modes(A, B)
     if stuck.size:
-        raise DesignError(f'poles: no input moves the modes at {describe(stuck)}')
+        raise DesignError(f'poles: no input moves the modes at {describe_distinct(stuck)}')
     independent, repeated = _rank(B), _most_repeated(wanted)
     methods = [_chained_gain]
     if repeated <= independent:
@@ -279,7 +286,7 @@ def place_observer(A: Array, C: Array, poles: Sequence[complex]) -> PlacementDes
     """
     hidden = uncontrollable_modes(A.T, C.T)
     if hidden.size:
-        raise DesignError(f'poles: no reading sees the modes at {describe(hidden)}')
+        raise DesignError(f'poles: no reading sees the modes at {describe_distinct(hidden)}')
     dual = place(A.T, C.T, poles)
     return PlacementDesign(dual.gain.T, dual.poles)
 

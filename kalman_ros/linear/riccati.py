@@ -18,7 +18,7 @@ import numpy as np
 
 from .errors import DesignError
 from .matrices import Array, solve, symmetric
-from .structure import ComplexArray, describe, eigenvalues, uncontrollable_modes, unstable
+from .structure import ComplexArray, describe_distinct, eigenvalues, uncontrollable_modes, unstable
 
 #: A sampled pole this close to 1 is 1 except for rounding.
 _ENDLESS = 1e-9
@@ -353,7 +353,7 @@ def _reason(
     pairs = (A, B), (problem.A * units.rate, B / units.states[:, np.newaxis])
     stuck = min((unstable(uncontrollable_modes(*p), sampled=sampled) for p in pairs), key=len)
     if stuck.size:
-        return f'{terms.out_of_reach} {describe(stuck)}'
+        return f'{terms.out_of_reach} {describe_distinct(stuck)}'
     silent = (
         uncontrollable_modes(free.T, weight / (np.abs(weight).max(initial=0.0) or 1.0))
         for free, weight in (_uncrossed(A, B, Q, R, N), _uncrossed(*vars(problem).values()))

@@ -113,7 +113,16 @@ def unstable(modes: ComplexArray, *, sampled: bool) -> ComplexArray:
 
 def describe(modes: ComplexArray) -> str:
     """Return eigenvalues as text, ``-1.00+2.00j, 0.50``."""
-    return ', '.join(f'{s.real:.3g}' if abs(s.imag) < 1e-12 else f'{s:.3g}' for s in modes)
+    return ', '.join(map(_text, modes))
+
+
+def describe_distinct(modes: ComplexArray) -> str:
+    """Return eigenvalues as text, each once, however many modes it has."""
+    return ', '.join(dict.fromkeys(map(_text, modes)))
+
+
+def _text(s: complex) -> str:
+    return f'{s.real:.3g}' if abs(s.imag) < 1e-12 else f'{s:.3g}'
 
 
 def _parted(some: tuple[str, ...], others: tuple[str, ...]) -> str:
