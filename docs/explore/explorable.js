@@ -252,7 +252,7 @@ export function mount(host, name, recipe) {
   addEventListener('hashchange', fromAddress);
   addEventListener('beforeprint', () => draw(true));
   fromAddress();
-  draw();
+  draw(true);  // all of it, so that no legend moves the page later
   const again = () => change({}, false);
   new ResizeObserver(again).observe(stage);
   const seen = new IntersectionObserver(again);  // what is out of sight is not drawn

@@ -22,6 +22,8 @@ from .observability import observability
 _PIECES, _MOST_GROWTH = 20, 1e3
 #: Information below this share of the information of the initial belief is rounding.
 _NONE = 1e-6
+#: Standard deviation, in the unit of a state, up to which it counts as known exactly.
+_EXACT = 1e-3
 #: Step of numerical derivatives, relative to the standard deviation of the initial belief.
 _DIFFERENCE = 1e-5
 
@@ -60,7 +62,7 @@ def readings_alone(gramian: Array, first: Array) -> Array:
         Information of the readings (n, n), the sum of H' R^-1 H.
     first
         Standard deviations of the initial belief (n,), the scale on which small information is
-        rounding. The scale of an exactly known state is its unit.
+        rounding. The scale of a state that is known exactly, or not at all, is its unit.
     """
     scales = _scales(first)
     size, directions = np.linalg.eigh(scales * symmetric(gramian) * scales[:, None])
@@ -70,7 +72,7 @@ def readings_alone(gramian: Array, first: Array) -> Array:
 
 
 def _scales(first: Array) -> Array:
-    return np.where(first > 0.0, first, 1.0)
+    return np.where((first > _EXACT) & np.isfinite(first), first, 1.0)
 
 
 class ObservabilityMeter:
@@ -181,7 +183,8 @@ class ObservabilityMeter:
 
     def _classify(self, std: Array, first: Array) -> Observability:
         names = self._scenario.model.state.names
-        observed = tuple(name for name, s, belief in zip(names, std, first) if s <= belief)
+        limits = _scales(first)
+        observed = tuple(name for name, s, limit in zip(names, std, limits) if s <= limit)
         unobserved = tuple(name for name in names if name not in observed)
         return Observability(observed, unobserved, (), not unobserved)
 

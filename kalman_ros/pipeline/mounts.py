@@ -73,7 +73,9 @@ class Mounts:
         """
         placement = self._known(frame)
         source = self._placed(name, self._scenario.sensors[name], frame, placement)
-        self._mounted[name] = frame, placement
+        self._mounted[name] = frame or self._base, placement
+        if not frame:
+            self._warn(f"{name}: the messages name no frame: taken to be '{self._base}'")
         self.on_mounted(self.applied(self._scenario))
         return source
 
@@ -89,13 +91,12 @@ class Mounts:
         angles, reported = so3.to_euler(placement.rotation).tolist(), signal.mounting
         place = placement.translation.tolist()
         mount = mounting(angles, reported.convention, frame, place).at(place)
-        self._input = frame, placement
+        self._input = frame or self._base, placement
         return replace(signal, mounting=mount)
 
     def _known(self, frame: str) -> Placement:
         """Return the placement of a frame; ValueError if it is not known."""
-        if not frame:
-            raise ValueError('mount.tf: the messages name no frame')
+        frame = frame or self._base
         placement = self._frames.placement(frame, self._base)
         if placement is None and frame in self._frames.refused:
             raise ValueError(

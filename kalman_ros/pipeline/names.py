@@ -8,9 +8,13 @@ the options.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Container, Iterable
 
 from kalman_ros.estimators import FILTERS, filter_options
+
+#: Parameters that a filter of robot_localization has, and a node of this package has not.
+_THEIRS = re.compile(r'(odom|pose|twist|imu)\d+(_config)?|two_d_mode|base_link_frame|world_frame')
 
 #: Names of options, by the node or the object that has them.
 NAMES = {
@@ -72,6 +76,16 @@ def known(
     if any(name not in accepted and name not in options for name in parameters):
         accepted |= {option.name for kind in FILTERS for option in filter_options(kind)}
     return accepted
+
+
+def refuse_foreign(parameters: Iterable[str]) -> None:
+    """Raise ValueError for parameters that are those of robot_localization."""
+    theirs = next(filter(_THEIRS.fullmatch, parameters), '')
+    if theirs:
+        raise ValueError(
+            f"unknown parameter '{theirs}': that is one of robot_localization, whose files "
+            'from_robot_localization FILE converts'
+        )
 
 
 def refuse_unlisted(

@@ -77,6 +77,7 @@ def choose(
     names.check_kinds(shared, sensors)
     driven = 'input.topic' in shared
     everything = {*known, *names.known(sensors, parameters, known, driven=driven)}
+    names.refuse_foreign(parameters)
     names.refuse_unlisted(parameters, everything, sensors)
     refuse_unknown(parameters, everything, 'parameter')
     values = scenario.complete(parameters, known)

@@ -31,7 +31,7 @@ from kalman_ros.core import (
 )
 from kalman_ros.core.geodesy import Place, datum
 from kalman_ros.core.mount import mounting
-from kalman_ros.core.quantity import quantity
+from kalman_ros.core.quantity import ATTITUDE, quantity
 from kalman_ros.core.still import stand_still
 from kalman_ros.estimators import FILTERS, filter_options
 
@@ -225,6 +225,11 @@ def _check_units(sensor: Sensor, fields: Iterable[str], pose: str) -> None:
             raise ValueError(f'fields: {expected}, for {name}, got {field}, in degrees')
 
 
+def _is_turn(field: str) -> bool:
+    read = quantity(field)
+    return read is not None and read.kind is ATTITUDE
+
+
 def placed(
     name: str,
     source: SensorSource,
@@ -257,6 +262,8 @@ def placed(
     angles = rotation.tolist() if has_axes else [0.0] * 3
     reported = signal.mounting
     mount = mounting(angles, reported.convention, frame, arm, heading=reported.heading)
+    if signal.pose != POSES[0] and all(map(_is_turn, signal.fields)):
+        arm = [0.0] * 3  # a change of the rotation is the same everywhere on the body
     if signal.pose != POSES[0] and any(arm):
         raise ValueError(f'{name}.mount.tf: expected no translation with pose: {signal.pose}')
     if any(arm):

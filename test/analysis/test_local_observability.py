@@ -2,6 +2,7 @@
 """What the latest readings tell: by the bound, and with bearings only, where it matters."""
 
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from tools.compare.bearings_only import STEP, STEPS, drawn, manoeuvre, moderate
 
 from kalman_ros import scenario
 from kalman_ros.analysis.bounds import posterior_cramer_rao
-from kalman_ros.analysis.local_observability import ObservabilityMeter
+from kalman_ros.analysis.local_observability import ObservabilityMeter, readings_alone
 from kalman_ros.analysis.observability import observability
 from kalman_ros.core import Gaussian
 from kalman_ros.simulation import closed_loop
@@ -186,3 +187,9 @@ def test_a_gap_in_the_readings_takes_many_steps_each_as_short_as_others(robot, d
         before = len(derivatives)
         meter.work(lambda: built.initial_state)
         assert len(derivatives) <= before + STAGES
+
+
+def test_a_state_that_is_known_exactly_or_not_at_all_is_judged_in_its_unit():
+    gramian = np.diag([4.0, 4.0, 4.0, 0.0])
+    std = readings_alone(gramian, np.array([1.0, 3e-5, inf, inf]))
+    np.testing.assert_allclose(std, [0.5, 0.5, 0.5, inf])

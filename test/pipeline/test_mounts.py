@@ -124,12 +124,33 @@ def test_a_sensor_in_the_frame_of_the_body_needs_no_transform():
     assert Reader().read('base_link').refused is None
 
 
-@pytest.mark.parametrize('frame', ['', 'camera'])
-def test_without_a_transform_of_its_frame_a_sensor_has_no_readings(frame):
+def test_without_a_transform_of_its_frame_a_sensor_has_no_readings():
     reader = Reader()
     reader.mounts.on_static(message(*CHAIN))
-    assert reader.read(frame).refused is Outcome.NO_TRANSFORM
+    assert reader.read('camera').refused is Outcome.NO_TRANSFORM
     assert reader.trouble
+
+
+TURNS = {
+    'model': 'robot_3d', 'imu.kind': 'states', 'imu.measures': ['rx', 'ry', 'rz'],
+    'imu.type': 'sensor_msgs/Imu', 'imu.noise': [0.1, 0.1, 0.1], 'imu.mount.tf': True,
+    'imu.fields': ['orientation.rx', 'orientation.ry', 'orientation.rz'],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize('pose', ['absolute', 'relative'])
+def test_a_rotation_is_the_same_everywhere_on_the_body(pose):
+    reader = Reader(**TURNS, **{'imu.pose': pose})
+    reader.mounts.on_static(message(('base_link', 'imu_link', numbers(PLACE, TURN))))
+    assert reader.read().refused in (None, Outcome.FIRST_POSE)
+
+
+def test_messages_without_a_frame_are_those_of_the_body_as_in_robot_localization():
+    reader = Reader()
+    assert reader.read('').refused is None
+    assert reader.said == ["imu: the messages name no frame: taken to be 'base_link'"]
+    assert reader.read('').refused is None
+    assert len(reader.said) == 1
 
 
 def test_a_model_without_heading_refuses_a_place_with_the_reason():
@@ -239,13 +260,12 @@ def test_the_imu_that_is_the_input_is_turned_by_its_transform():
     assert warned == ['input: the transform of imu_link has changed: restart the estimator']
 
 
-def test_an_input_without_a_frame_is_not_used_and_one_of_the_body_is_as_it_is():
+@pytest.mark.parametrize('frame', ['', 'base_link'])
+def test_an_input_without_a_frame_or_in_that_of_the_body_is_as_it_is(frame):
     scenario = settings(INERTIAL).scenario
     mounts = Mounts(scenario, 'base_link', str)
     reader = InputReader(scenario.input, ('map', 'base_link'), str, mounts)
-    with pytest.raises(UnusableInputError, match=r'mount.tf: the messages name no frame'):
-        reader.read(imu_of([1, 2, 3], [4, 5, 6], ''))
-    found = reader.read(imu_of([1, 2, 3], [4, 5, 6], 'base_link')).values
+    found = reader.read(imu_of([1, 2, 3], [4, 5, 6], frame)).values
     np.testing.assert_allclose(found, [1, 2, 3, 4, 5, 6])
 
 

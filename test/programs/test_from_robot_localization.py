@@ -158,6 +158,62 @@ def test_noise_and_the_first_belief_go_by_their_15_states(tmp_path):
 
 
 @pytest.mark.parametrize('planar', [True, False])
+def test_the_first_belief_is_theirs_and_not_that_of_our_demo(tmp_path, planar):
+    lines = f'two_d_mode: {str(planar).lower()}', 'odom0: o', f'odom0_config: {config("vx")}'
+    for more in ((), ('initial_state: [1.0, 2.0]',)):  # the second is of the wrong size
+        values, _ = one(tmp_path, *lines, *more)
+        assert values['initial_estimate'] == [0.0] * (8 if planar else 15)
+        assert values['initialize'] == 'reading'
+
+
+def test_a_position_in_a_map_is_unknown_until_it_is_read(tmp_path):
+    lines = 'two_d_mode: true', f'pose0_config: {config("x", "y", "yaw")}'
+    absolute, _ = one(tmp_path, *lines, 'pose0: amcl_pose')
+    assert absolute['initial_std'][:3] == [1000.0, 1000.0, 1.0]
+    relative, _ = one(tmp_path, *lines, 'pose0: amcl_pose', 'pose0_relative: true')
+    assert relative['initial_std'][:3] == [1.0, 1.0, 1.0]
+
+
+def test_a_datum_counts_where_it_is_waited_for_as_in_navsat_transform(tmp_path):
+    file = tmp_path / 'theirs.yaml'
+    text = (
+        f'ekf:\n  odom0: odometry/gps\n  odom0_config: {config("x", "y")}\n  two_d_mode: true\n'
+        'navsat_transform:\n  datum: [49.9, 8.7, 0.5]\n'
+    )
+    file.write_text(text)
+    found, navigation = translated(their_nodes(file))
+    (row,) = [row for row in navigation.rows if row.name == 'datum']
+    assert 'datum' not in found.values and row.what.startswith('not used: wait_for_datum is')
+    assert found.values['publish_fix'] and found.remaps['estimate/fix'] == 'gps/filtered'
+    file.write_text(f'{text}  wait_for_datum: true\n  publish_filtered_gps: false\n')
+    found, navigation = translated(their_nodes(file))
+    (row,) = [row for row in navigation.rows if row.name == 'datum']
+    assert found.values['datum'] == [49.9, 8.7, 0.0] and not found.values['publish_fix']
+    assert not row.carried and 'its heading is lost' in row.what
+
+
+def test_their_file_given_to_a_node_is_answered_with_the_importer():
+    with pytest.raises(ValueError, match=r"^unknown parameter 'odom0': that is one of robot_lo"):
+        settings({'frequency': 30.0, 'odom0': 'odom'})
+
+
+def test_the_output_of_the_old_filter_is_found_by_the_names_of_their_example(tmp_path):
+    file = tmp_path / 'ekf.yaml'
+    one_of_two = f'    odom0: odom\n    odom0_config: {config("vx")}\n'
+    file.write_text(
+        f'one:\n  ros__parameters:\n    world_frame: odom\n{one_of_two}'
+        f'two:\n  ros__parameters:\n    world_frame: map\n{one_of_two}'
+    )
+    pair = translated(their_nodes(file))
+    found = [
+        program._recorded_output(each, {'/odometry/local', '/odometry/global'}) for each in pair
+    ]
+    assert found == ['/odometry/local', '/odometry/global']
+    assert program._recorded_output(pair[0], {'/odometry/filtered'}) == '/odometry/filtered'
+    assert program._recorded_output(pair[0], {'/odom'}) == ''
+
+
+@pytest.mark.parametrize('planar', [True, False])
 def test_without_a_process_noise_that_of_robot_localization_counts(tmp_path, planar):
     values, rows = one(
         tmp_path, f'two_d_mode: {str(planar).lower()}', 'odom0: o', f'odom0_config: {config("vx")}'
@@ -253,7 +309,7 @@ def test_fixes_are_read_without_navsat_transform(tmp_path):
         f'    odom0_config: {config("vx", "wz")}\n    world_frame: map\n'
         f'    odom1: odometry/gps\n    odom1_config: {config("x", "y")}\n'
         'navsat_transform:\n  ros__parameters:\n    datum: [49.9, 8.7, 0.0]\n'
-        '    yaw_offset: 1.5\n'
+        '    yaw_offset: 1.5\n    wait_for_datum: true\n'
     )
     local, everywhere, navigation = translated(their_nodes(file))
     assert everywhere.values['odom1_fix.fields'] == ['east', 'north']
@@ -563,6 +619,7 @@ def test_nodes_of_ros_1_have_their_navsat_transform(tmp_path):
     file.write_text(
         f'ekf:\n  odom0: odometry/gps\n  odom0_config: {config("x", "y")}\n  two_d_mode: true\n'
         'navsat_transform:\n  yaw_offset: 0.0\n  datum: [49.9, 8.7, 0.0, map, base_link]\n'
+        '  wait_for_datum: true\n'
     )
     found, _ = translated(their_nodes(file))
     assert found.values['odom0_fix.fields'] == ['east', 'north']

@@ -30,6 +30,8 @@ _BACK = Duration(seconds=-0.1)
 _PAUSE = 0.05
 #: Seconds that the readers of an estimate have the processor before such work takes it.
 _YIELD = 3e-4
+#: Seconds after which the time of a message is no longer the present.
+_LONG = 0.05
 #: The most innovations that are published at once in real time.
 _MOST_INNOVATIONS = 8
 
@@ -93,6 +95,8 @@ class RealTimeIntake:
         # no input waits long behind a single reading
         if first is fuser.input or len(received) > 1:
             received += self._waiting_inputs(first, data, now)
+        if monotonic() - start > _LONG:  # as where sensors were mounted meanwhile
+            now = self._now()
         fused = fuser.fuse(received, now or None)
         corrected = [each for each in fused if each.correction is not None]
         if not corrected or not self._meeting.over:

@@ -17,7 +17,7 @@ from kalman_ros.codecs.messages import message_type
 from kalman_ros.core import Gaussian, Option, Value
 from kalman_ros.estimators.diffuse import Diffuse
 from kalman_ros.nodes.middleware import runtime
-from kalman_ros.nodes.middleware.diagnostics import Report
+from kalman_ros.nodes.middleware.diagnostics import Level, Report
 from kalman_ros.nodes.middleware.meters import Latency
 from kalman_ros.nodes.middleware.topics import QUEUE, STATIC
 from kalman_ros.nodes.middleware.watcher import waiting
@@ -163,9 +163,8 @@ class EstimatorNode(runtime.ScenarioNode):
             return response
 
         def on_toggle(request: Any, response: Any) -> Any:
-            response.status = self._on_toggle(
-                SetBool.Request(data=request.on), SetBool.Response()
-            ).success
+            response.status = request.on != self._fuser.fusing  # false if nothing changes
+            self._on_toggle(SetBool.Request(data=request.on), SetBool.Response())
             return response
 
         for kind, name, answer in ((set_pose, 'set_pose', on_pose), (toggle, 'toggle', on_toggle)):
@@ -221,8 +220,13 @@ class EstimatorNode(runtime.ScenarioNode):
         self._fuser.fusing = request.data
         self.diagnostics.soon()
         response.success = True
-        response.message = 'readings are fused' if request.data else 'readings are not fused'
-        self.get_logger().info(response.message, throttle_duration_sec=1.0)
+        log = self.get_logger().info
+        if request.data:  # two places: a throttle counts by place
+            response.message = 'readings are fused'
+            log(response.message, throttle_duration_sec=1.0)
+        else:
+            response.message = 'readings are not fused'
+            log(response.message, throttle_duration_sec=1.0)
         return response
 
     def prepare(
@@ -259,6 +263,8 @@ class EstimatorNode(runtime.ScenarioNode):
         """Return the outcomes of the readings, and whether innovations scatter as expected."""
         lockstep = self.options.lockstep
         found = self._health.report(self.scenario, self._publish.count, lockstep=lockstep)
+        if not self.get_clock().now().nanoseconds:
+            found = Level.WARN, 'use_sim_time: nothing is received on /clock', found[2]
         return found if self._transforms is None else self._transforms.report(*found)
 
 

@@ -130,8 +130,11 @@ class TransformPublisher:
         now = self._now()
         newest = time if self._options.lockstep else max(time, now)
         timeout = self._options.tf_timeout
-        if fused_at is None or newest - fused_at > timeout * 1e9:
-            return f'no reading was fused within tf_timeout ({timeout:g} s)'
+        if fused_at is None:
+            return 'no reading was fused yet'
+        age = (newest - fused_at) * 1e-9
+        if age > timeout:
+            return f'the last reading is {age:.1f} s old, tf_timeout is {timeout:g} s'
         if not self._write.child:
             return f'no odometry on {self._options.tf_odometry}'
         return self._tree.refusal(self._options.frame, self._write.child, now)

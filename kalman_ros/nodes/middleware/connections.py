@@ -115,7 +115,8 @@ class Connections:
         if others and topic not in _SHARED:
             yield f'{topic}: {" and ".join(others)} publishes here, too'
         if len(ours) > 1 and topic not in _SHARED:
-            yield f'{topic}: a second node with the name {_name(ours[0])} publishes here, too'
+            # the same words on all topics: one line
+            yield f'there is a second node with the name {_name(ours[0])}'
         for here in ours:
             for there in node.get_subscriptions_info_by_topic(topic):
                 why = _mismatch(here, there, here.qos_profile, there.qos_profile)

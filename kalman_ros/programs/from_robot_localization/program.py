@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from pathlib import Path
 
 import rclpy
@@ -151,7 +151,9 @@ def _leave_out(translation: Translation, why: str) -> bool:
         if not (named == ours or named.startswith(f'{ours}.')) or not found:
             continue
         for name in found if named == ours else [named]:
-            values.pop(name, None)
+            before = values.pop(name, None)
+            if name == 'initial_estimate' and any(before):
+                values[name] = [0.0] * len(before)
         for name in theirs:
             translation.node.leave_out(name, why)
         return True
@@ -220,8 +222,19 @@ def main(argv: Sequence[str] | None = None) -> None:
         'SENSOR.mount.'
     )
     if options.compare:
-        against = options.against or (f'/{ODOMETRY}' if f'/{ODOMETRY}' in recorded else '')
-        sys.exit(max(compared(file, options, against) for file in files))
+        pairs = [
+            (file, options.against or _recorded_output(translation, recorded))
+            for translation, file in zip(filters, files)
+        ]
+        if not any(against for _, against in pairs):
+            console.print('The recording has no output of the old filter: --against TOPIC.')
+        sys.exit(max(compared(file, options, against) for file, against in pairs))
+
+
+def _recorded_output(translation: Translation, recorded: Container[str]) -> str:
+    """Return the topic of the old filter's odometry in a recording; '' if it has none."""
+    usual = translation.remaps.get(translation.odometry, ODOMETRY)
+    return next((f'/{each}' for each in (usual, ODOMETRY) if f'/{each}' in recorded), '')
 
 
 def compared(file: Path, options: argparse.Namespace, against: str) -> int:

@@ -34,6 +34,8 @@ _PROCESS_NOISE = (
 #: Standard deviations of an initial belief; robot_localization's is the root of 1e-9, and
 #: overwritten by the first measurement.
 _KNOWN, _UNKNOWN = 1e-9**0.5, 1.0
+#: That of a position, in m, which poses in a frame of the world give.
+_ANYWHERE = 1e3
 _DEFAULT = 'the default of robot_localization in model_parameters'
 
 
@@ -55,10 +57,12 @@ def noise_and_first_belief(
     chosen = _PLANAR if planar else [*range(_STATES)]
     variance = _diagonal(node, 'initial_estimate_covariance', 'initial_std, its root')
     if variance is None:
-        used = (sensor for sensor in sensors.values() if sensor.get('pose') != 'differential')
+        used = [sensor for sensor in sensors.values() if sensor.get('pose') != 'differential']
         read = ' '.join(field for sensor in used for field in sensor['fields'])
-        measured = 'position' in read or 'east' in read, 'orientation' in read
-        known = [*(_UNKNOWN if is_measured else _KNOWN for is_measured in measured), _UNKNOWN]
+        place = _UNKNOWN if 'position' in read or 'east' in read else _KNOWN
+        if any('pose' not in each and 'position' in str(each['fields']) for each in used):
+            place = _ANYWHERE
+        known = place, _UNKNOWN if 'orientation' in read else _KNOWN, _UNKNOWN
         std = np.repeat(known, (3, 3, 9))
         if _shows_heading(sensors):
             std[_YAW] = np.pi
@@ -66,13 +70,13 @@ def noise_and_first_belief(
     else:
         std = np.sqrt(variance)
     parameters['initial_std'] = std[chosen].tolist()
-    state = node.numbers('initial_state', (_STATES,))
-    if state is not None:
-        x = np.array(state)
-        if not planar:
-            x[3:6] = so3.from_euler(x[3:6])
-        parameters['initial_estimate'] = x[chosen].tolist()
-        node.note('initial_state', 'initial_estimate')
+    # theirs is at zero, and the first reading replaces what it measures
+    x = np.array(node.numbers('initial_state', (_STATES,)) or [0.0] * _STATES)
+    if not planar:
+        x[3:6] = so3.from_euler(x[3:6])
+    parameters['initial_estimate'] = x[chosen].tolist()
+    parameters['initialize'] = 'reading'
+    node.note('initial_state', 'initial_estimate')
 
 
 def _shows_heading(sensors: Sensors) -> bool:

@@ -43,10 +43,14 @@ def receiver(
         node.note(f'{name}_{word}', why, carried=not wanted)
     # in ROS 1 the names of two frames follow
     numbers = navigation.numbers('datum', (2, 3), words=True)
-    if numbers is not None:
+    if numbers is not None and not navigation.value('wait_for_datum', False):
+        navigation.note('datum', 'not used: wait_for_datum is false, there as well')
+    elif numbers is not None:
         parameters['datum'] = [numbers[0], numbers[1], 0.0]
-        navigation.note('datum', "datum, with an altitude of 0; a heading is the state's")
-    parameters['publish_fix'] = navigation.value('publish_filtered_gps', False)
+        turned = len(numbers) > 2 and numbers[2] != 0.0
+        what = "; its heading is lost: write the state's in initial_estimate" if turned else ''
+        navigation.note('datum', f'datum, with an altitude of 0{what}', carried=not turned)
+    parameters['publish_fix'] = navigation.value('publish_filtered_gps', True)
     for key, outcome in _NAVIGATION.items():
         navigation.note(key, outcome)
     return {
@@ -93,9 +97,9 @@ _TURNS = 'magnetic_declination_radians', 'yaw_offset'
 _NAVIGATION = {
     'frequency': 'not needed: there is no second node',
     'delay': 'not needed: there is no second node',
-    'wait_for_datum': 'not needed: without a datum the first good fix is it',
-    'zero_altitude': 'up is no field where it is true, or z is not used',
-    'publish_filtered_gps': 'publish_fix',
+    'wait_for_datum': 'whether datum counts; without one the first good fix is it',
+    'zero_altitude': 'up is no field where it is true, or z is not used; fromLL has the height',
+    'publish_filtered_gps': 'publish_fix, true by default',
     'use_odometry_yaw': 'not needed: the heading is a state',
     'broadcast_utm_transform': 'not needed: there is no UTM zone',
     'broadcast_cartesian_transform': 'not needed: estimate/datum is the origin',

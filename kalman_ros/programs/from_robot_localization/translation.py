@@ -25,7 +25,7 @@ _NOT_NEEDED = {
     'stamped_control': 'not needed without use_control',
     'control_timeout': 'not needed without use_control',
     'control_config': 'not needed without use_control',
-    'publish_acceleration': 'not needed: estimate has the acceleration',
+    'tf_prefix': 'not needed if it is empty: write the frames with it',
 }
 #: Parameters that are not carried over, with the reason or what to do instead.
 _NOT_CARRIED = {
@@ -44,10 +44,13 @@ _LIMITS = 'acceleration_limits', 'deceleration_limits'
 _AXES, _PLANAR_AXES = 6, [0, 1, 5]
 _COMMANDS = 'cmd_vel is the input; where it stays out it is 0, theirs then has none'
 #: Their topic of the odometry, and those of two filters in the launch file of their example.
+FIXES = 'gps/filtered'
 ODOMETRY, LOCAL, GLOBAL = 'odometry/filtered', 'odometry/local', 'odometry/global'
 #: Values without the parameter: those of robot_localization's own file of defaults.
 _FREQUENCY, _RATE = 30.0, 100.0
 _CONTROL_TIMEOUT = 0.2
+#: Rates in Hz of satellite receivers and of other sensors, as most have them.
+_FIXES, _READINGS = 5.0, 50.0
 _GPS = 'odometry/gps'
 _NO_NAVIGATION = (
     'it takes navsat_transform, whose parameters are not in this file: append them, and the fixes '
@@ -122,9 +125,12 @@ def _translated(nodes: Sequence[TheirNode]) -> list[Translation]:
         if values['publish_tf'] and _is_global(node):
             topic = f'{local.name}/estimate/odometry' if several and local else ODOMETRY
             values['tf_odometry'] = topic
+            node.add('tf_odometry', f'{topic}: theirs reads the other transform on /tf instead')
         for name in node.unaccounted:
             node.note(name, 'unknown to this program', carried=False)
         translations.append(Translation(node, values))
+        if values.get('publish_fix'):
+            translations[-1].remaps[f'{values.get("state.topic", "estimate")}/fix'] = FIXES
     _name_topics(translations)
     for node in nodes:
         if not node.filters:
@@ -197,7 +203,7 @@ def _filter(node: TheirNode, navigation: TheirNode | None) -> dict[str, Any]:
     parameters['sensors'] = list(sensors)
     for name, values in sensors.items():
         parameters.update({f'{name}.{key}': value for key, value in values.items()})
-        parameters[f'{name}.rate'] = 50.0
+        parameters[f'{name}.rate'] = _FIXES if name.endswith('_fix') else _READINGS
     noise_and_first_belief(node, parameters, sensors, planar=planar)
     if node.value('dynamic_process_noise_covariance', False):
         parameters['model_parameters.noise_by_speed'] = True
@@ -211,6 +217,13 @@ def _filter(node: TheirNode, navigation: TheirNode | None) -> dict[str, Any]:
     for name in node.unaccounted:
         if name in _NOT_NEEDED:
             node.note(name, _NOT_NEEDED[name])
+    acceleration = node.value('publish_acceleration', False)
+    why = (
+        'the acceleration is in estimate; there is no accel/filtered' if acceleration else 'false'
+    )
+    node.note('publish_acceleration', why, carried=not acceleration)
+    if parameters['publish_tf']:
+        node.add('tf_timeout', '1 s without a fused reading ends the transform; theirs goes on')
     for name, why in _NOT_CARRIED.items():
         # a switch that is off is nothing to carry over
         off = name in node.values and node.values[name].value is False

@@ -131,7 +131,7 @@ def interval(finding: Finding, recording: Recording) -> str:
         return ''
     text = finding['sentence']
     ranges = [(float(a), float(b)) for a, b in findall(rf'\({_NUMBER} to {_NUMBER}, 95', text)]
-    for middle, std in findall(rf'{_NUMBER} ± {_NUMBER}', text):
+    for middle, std in findall(rf'{_NUMBER} (?:±|\+-) {_NUMBER}', text):
         ranges.append((abs(float(middle)) - 2.0 * float(std), abs(float(middle)) + 2 * float(std)))
     if fault in ('scale', 'units') or (fault == 'noise' and size < 1.0):
         size = 1.0 / size
