@@ -3,18 +3,18 @@
 
 import sys
 from glob import glob
+from pathlib import Path
 
 from setuptools import find_packages, setup
 
 PACKAGE = 'kalman_ros'
-NODES = ('plant', 'estimator', 'controller', 'monitor', 'markers', 'microphone_array')
-COMMANDS = (
-    'allan', 'demo', 'design', 'doctor', 'export', 'from_robot_localization', 'live', 'record',
-    'replay', 'study', 'sweep', 'tune', 'view',
-)  # fmt: skip
+#: A node is a folder with node.py, a program a folder with program.py or a file with main().
+FILES = [path for path in Path(PACKAGE).glob('programs/*.py') if '\ndef main(' in path.read_text()]
+FOLDERS = *Path(PACKAGE).glob('nodes/*/node.py'), *Path(PACKAGE).glob('programs/*/program.py')
+NAMES = sorted([path.stem for path in FILES] + [path.parent.name for path in FOLDERS])
 
 # colcon installs an executable for each, where `ros2 run` looks; pip one command for the PATH
-EXECUTABLES = [f'{name} = {PACKAGE}.entry:{name}' for name in (*NODES, *COMMANDS)]
+EXECUTABLES = [f'{name} = {PACKAGE}.entry:{name}' for name in NAMES]
 BY_COLCON = not {'install', 'develop'}.isdisjoint(sys.argv)
 
 setup(

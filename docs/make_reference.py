@@ -26,7 +26,7 @@ from kalman_ros.scenario.parameter_text import yaml_value
 from kalman_ros.simulation.faults import fault_options
 
 FOLDER = Path(__file__).with_name('reference')
-NOTE = 'Written by `python docs/make_reference.py` from the declarations in the code.'
+NOTE = 'Written by `./dev reference` from the declarations in the code.'
 
 
 def table(found: Iterable[Option]) -> list[str]:

@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 
 from kalman_ros.harness import executables
-from kalman_ros.programs.studies import STUDIES
+from kalman_ros.programs.study import STUDIES
 
 FOLDER = Path(__file__).parent / 'explanation' / 'studies'
 

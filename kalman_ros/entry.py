@@ -5,6 +5,8 @@ By default SIGINT prints a traceback of the module being imported. Until the pro
 there is nothing to clean up, so the process just ends.
 """
 
+from __future__ import annotations
+
 # First of all, and not `signal`, which takes a millisecond to load: from here on, Ctrl-C prints no
 # traceback of an import
 import _signal as signal  # type: ignore[import-not-found]
@@ -19,7 +21,13 @@ import sys
 import warnings
 from functools import partial
 from importlib import import_module
+from pathlib import Path
 
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+_PACKAGE = Path(__file__).parent
 #: The disk is full or read-only: not an error of the program.
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES)
 #: Bytes of address space that a node takes: 1.1e9, most of it reserved for threads and not used.
@@ -80,35 +88,27 @@ def run(name: str, module: str) -> None:
             signal.signal(number, signal.SIG_IGN)
 
 
-def _program(name: str, module: str = '') -> None:
-    run(name, f'kalman_ros.programs.{module or name}')
+def __getattr__(name: str) -> Callable[[], None]:
+    """Return what runs a node, a folder of `nodes`, or a program, of `programs`, by its name."""
+    if not name.startswith('_'):
+        if (_PACKAGE / 'nodes' / name / 'node.py').is_file():
+            return partial(_node, name)
+        if (_PACKAGE / 'programs' / name / 'program.py').is_file():
+            return partial(run, name, f'kalman_ros.programs.{name}.program')
+        if (_PACKAGE / 'programs' / f'{name}.py').is_file():
+            return partial(run, name, f'kalman_ros.programs.{name}')
+    raise AttributeError(name)
 
 
-plant = partial(_node, 'plant')
-estimator = partial(_node, 'estimator')
-controller = partial(_node, 'controller')
-monitor = partial(_node, 'monitor')
-markers = partial(_node, 'markers')
-microphone_array = partial(_node, 'microphone_array')
+def names() -> list[str]:
+    """Return the names of all nodes and programs."""
+    files = _PACKAGE.glob('programs/*.py')
+    return sorted(
+        [path.parent.name for path in _PACKAGE.glob('nodes/*/node.py')]
+        + [path.parent.name for path in _PACKAGE.glob('programs/*/program.py')]
+        + [path.stem for path in files if '\ndef main(' in path.read_text('utf-8')]
+    )
 
-allan = partial(_program, 'allan', 'allan.program')
-demo = partial(_program, 'demo')
-design = partial(_program, 'design')
-doctor = partial(_program, 'doctor', 'doctor.program')
-export = partial(_program, 'export')
-from_robot_localization = partial(
-    _program, 'from_robot_localization', 'from_robot_localization.program'
-)
-live = partial(_program, 'live')
-record = partial(_program, 'record')
-replay = partial(_program, 'replay', 'replay.program')
-study = partial(_program, 'study', 'studies.program')
-sweep = partial(_program, 'sweep', 'sweep.program')
-tune = partial(_program, 'tune', 'tune.program')
-view = partial(_program, 'view')
-
-#: Every executable by its name.
-COMMANDS = {name: value for name, value in globals().items() if isinstance(value, partial)}
 
 #: Modules of ROS 2, which pip does not install.
 _ROS = (
@@ -120,13 +120,13 @@ _ROS = (
 def main() -> None:
     """Run ``kalman_ros COMMAND ...``: what pip installs in place of an executable for each."""
     name = sys.argv[1] if len(sys.argv) > 1 else ''
-    if name not in COMMANDS:
+    if name not in names():
         asked = name in ('', '-h', '--help')
-        lines = f'usage: kalman_ros COMMAND ...\n\ncommands: {", ".join(sorted(COMMANDS))}'
+        lines = f'usage: kalman_ros COMMAND ...\n\ncommands: {", ".join(names())}'
         sys.exit(print(lines) if asked else f"kalman_ros: unknown command '{name}'\n{lines}")
     sys.argv[:2] = [name]
     try:
-        COMMANDS[name]()
+        getattr(sys.modules[__name__], name)()
     except ModuleNotFoundError as error:
         if (error.name or '').partition('.')[0] not in _ROS and 'msgs' not in (error.name or ''):
             raise

@@ -36,13 +36,22 @@ def test_pip_puts_one_command_on_the_path():
 @pytest.mark.slow
 def test_colcon_installs_each_executable():
     for command in (['egg_info', 'build', 'install'], ['develop']):
-        assert sorted(scripts(*command)) == sorted(entry.COMMANDS)
+        assert sorted(scripts(*command)) == entry.names()
+
+
+def test_every_name_is_that_of_a_node_or_a_program_and_no_other_is():
+    found = entry.names()
+    assert {'plant', 'estimator', 'demo', 'study', 'sweep', 'from_robot_localization'} <= {*found}
+    assert not {'middleware', 'refusal', 'results', 'demo_run'} & {*found}
+    assert all(callable(getattr(entry, name)) for name in found)
+    with pytest.raises(AttributeError):
+        assert entry.no_such_program
 
 
 @pytest.fixture
 def ran(monkeypatch):
     calls = []
-    monkeypatch.setitem(entry.COMMANDS, 'design', lambda: calls.append(list(sys.argv)))
+    monkeypatch.setattr(entry, 'design', lambda: calls.append(list(sys.argv)), raising=False)
     return calls
 
 
@@ -59,7 +68,7 @@ def test_alone_it_lists_them(argv, monkeypatch, capsys):
         entry.main()
     assert not end.value.code
     shown = capsys.readouterr().out
-    assert all(name in shown for name in entry.COMMANDS)
+    assert all(name in shown for name in entry.names())
 
 
 def test_an_unknown_one_is_refused(monkeypatch):
@@ -75,7 +84,7 @@ def test_without_ros_a_node_ends_in_one_line(missing, words, monkeypatch):
     def node():
         raise ModuleNotFoundError(f"No module named '{missing}'", name=missing)
 
-    monkeypatch.setitem(entry.COMMANDS, 'plant', node)
+    monkeypatch.setattr(entry, 'plant', node, raising=False)
     monkeypatch.setattr(sys, 'argv', ['kalman_ros', 'plant'])
     with pytest.raises(SystemExit, match=words):
         entry.main()
@@ -85,7 +94,7 @@ def test_another_missing_module_is_not_hidden(monkeypatch):
     def node():
         raise ModuleNotFoundError("No module named 'nothing'", name='nothing')
 
-    monkeypatch.setitem(entry.COMMANDS, 'plant', node)
+    monkeypatch.setattr(entry, 'plant', node, raising=False)
     monkeypatch.setattr(sys, 'argv', ['kalman_ros', 'plant'])
     with pytest.raises(ModuleNotFoundError):
         entry.main()

@@ -152,6 +152,8 @@ def options_of(build: Callable[..., Any], prefix: str = '') -> tuple[Option, ...
         if default is inspect.Parameter.empty:
             continue
         if isinstance(default, (tuple, list)):
+            if not default and 'str' in str(argument.annotation):  # items count as numbers
+                raise ValueError(f"{name}: expected a default of words, such as ('',), got none")
             default = [_plain(item) for item in default]
         default = _plain(default)
         if not isinstance(default, (bool, int, float, str, list)):

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """What every registered model, sensor and filter keeps to."""
 
+from contextlib import suppress
 from dataclasses import replace
 from functools import cache
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +22,24 @@ from kalman_ros.scenario.parameter_files import from_file
 CONFIG = Path(__file__).parents[2] / 'config'
 CONFIGS = sorted(CONFIG.glob('*.yaml'))
 MODELS = models.names()
-CASES = [(m, s) for m in MODELS for s in wiring.system(m).sensors]
+WIRED = [(m, s) for m in MODELS for s in wiring.system(m).sensors]
+
+
+@cache
+def unwired():
+    """Return by the kinds that no shipped model has, the first model and size that they take."""
+    used = {wiring.system(m).sensors[s].kind for m, s in WIRED}
+    found = {}
+    for kind in sorted({*sensors.names()} - used):
+        for model, size in product(MODELS, range(1, 10)):
+            with suppress(ValueError):
+                sensors.build(kind, models.find_model(model)().state, [0.1] * size, {})
+                found[kind] = model, size
+                break
+    return found
+
+
+CASES = [*WIRED, *((model, kind) for kind, (model, _) in unwired().items())]
 PAIRS = [(m, f) for m in MODELS for f in FILTERS]
 GENERAL = [f for f in FILTERS if not filter_class(f).needs_linear]  # of any model and sensor
 
@@ -39,6 +58,10 @@ def points(model, count=5):
 
 def sensor_of(name, sensor):
     system = wiring.system(name)
+    if sensor not in system.sensors:
+        built = sensors.build(sensor, system.build().state, [0.1] * unwired()[sensor][1], {})
+        built.name = sensor
+        return built
     setup = system.sensors[sensor]
     built = sensors.build(setup.kind, system.build().state, setup.noise, setup.options)
     built.name = sensor
@@ -155,6 +178,11 @@ def test_a_parameter_file_is_a_whole_scenario(path):
     assert set(values) <= set(scenario.options(values))
     built = scenario.build(values)
     assert build_filter(built.filter, built.plan)
+
+
+def test_every_kind_of_sensor_is_tried():
+    used = {wiring.system(m).sensors[s].kind for m, s in WIRED}
+    assert used | unwired().keys() == {*sensors.names()}
 
 
 @pytest.mark.parametrize(('name', 'sensor'), CASES)

@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -60,6 +61,17 @@ def test_the_ends_of_a_range_belong_to_it(given):
 def test_a_wrong_value_is_named(given, says):
     with pytest.raises(ValueError, match=says):
         build_with(thing, given)
+
+
+def test_a_default_of_no_word_is_refused_and_of_no_number_counts_as_numbers():
+    def words(names: Annotated[Sequence[str], About('names')] = ()): ...
+
+    def numbers(gains: Annotated[Sequence[float], About('gains')] = ()): ...
+
+    with pytest.raises(ValueError, match=r"^names: expected a default of words, such as \('',\)"):
+        options_of(words)
+    (option,) = options_of(numbers)
+    assert option.check([1, 2.5]) == [1.0, 2.5]
 
 
 def test_a_default_that_no_parameter_can_hold_is_refused():

@@ -12,7 +12,7 @@ pytest.importorskip('rclpy')
 
 from kalman_ros.live.adjustments import Adjustments
 from kalman_ros.programs import design
-from kalman_ros.programs.studies import STUDIES
+from kalman_ros.programs.study import STUDIES
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import overrides
 

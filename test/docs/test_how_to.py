@@ -8,6 +8,8 @@ import pytest
 
 pytest.importorskip('rclpy')
 
+import kalman_ros as kr
+from kalman_ros.estimators import FILTERS
 from kalman_ros.pipeline.reading_reader import ReadingReader
 from kalman_ros.pipeline.settings import settings
 from kalman_ros.programs.from_robot_localization.program import main as from_robot_localization
@@ -88,3 +90,10 @@ def test_programs_take_a_parameter_file_by_its_option():
     for command in commands:
         before, _, _ = command.partition('--params-file')
         assert '.yaml' not in before, command
+
+
+def test_every_filter_is_on_the_page_and_in_the_docstring_that_list_them():
+    page = (PAGES / 'drive.md').read_text()
+    for name in FILTERS:
+        assert f'`{name}`' in page
+        assert f"``'{name}'``" in kr.filter.__doc__

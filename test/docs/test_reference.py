@@ -26,7 +26,7 @@ def written():
 @pytest.mark.parametrize('name', ['parameters.md', 'api.md', 'names.md'])
 def test_the_page_is_up_to_date(name):
     text = '\n'.join(written()[name]()) + '\n'
-    assert (DOCS / 'reference' / name).read_text() == text, 'run: python docs/make_reference.py'
+    assert (DOCS / 'reference' / name).read_text() == text, 'run: ./dev reference'
 
 
 def test_each_parameter_is_an_entry_with_an_address():

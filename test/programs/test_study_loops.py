@@ -10,7 +10,7 @@ from kalman_ros import scenario as scenarios
 from kalman_ros.analysis.checks import theory
 from kalman_ros.control.margins import margins
 from kalman_ros.control.state_space import StateSpace
-from kalman_ros.programs.studies import bandwidth, cost, loops
+from kalman_ros.programs.study import bandwidth, cost, loops
 from kalman_ros.scenario.regulator import price
 
 

@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from kalman_ros.programs.studies.study_run import Ran, described
+from kalman_ros.programs.study.study_run import Ran, described
 
 
 @pytest.mark.parametrize(

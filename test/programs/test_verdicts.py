@@ -16,8 +16,8 @@ from kalman_ros.analysis.checks import Check
 from kalman_ros.analysis.verdict import least_duration
 from kalman_ros.harness import NodeError
 from kalman_ros.programs import demo
-from kalman_ros.programs.studies import Findings, close
-from kalman_ros.programs.studies import program as study
+from kalman_ros.programs.study import Findings, close
+from kalman_ros.programs.study import program as study
 from kalman_ros.report.run_tables import verdict
 from kalman_ros.scenario.demo_section import demo_section
 from kalman_ros.scenario.parameter_files import from_file
@@ -63,7 +63,7 @@ def studies(monkeypatch):
     for name, run in found.items():
         module = ModuleType(name, f'About {name}.')
         module.study = run
-        monkeypatch.setitem(sys.modules, f'kalman_ros.programs.studies.{name}', module)
+        monkeypatch.setitem(sys.modules, f'kalman_ros.programs.study.{name}', module)
     monkeypatch.setattr(study, 'STUDIES', tuple(found))
 
 

@@ -9,7 +9,7 @@ pytest.importorskip('rclpy')
 from importlib import import_module
 
 from kalman_ros.programs import studies
-from kalman_ros.programs.studies.program import claim
+from kalman_ros.programs.study.program import claim
 
 
 @pytest.mark.parametrize('name', mostly_thorough(studies.STUDIES, 'sampling', 'stability'))
