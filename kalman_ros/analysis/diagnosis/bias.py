@@ -11,6 +11,7 @@ from scipy.linalg import block_diag
 
 from kalman_ros.core import Array
 
+from . import wandering
 from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
@@ -39,7 +40,8 @@ class Course:
 
     ``kind`` is 'constant', 'step', 'ramp' or 'walk', ``values`` (B,) has an offset for each piece,
     and ``began`` is the piece in which a step begins. ``dues`` is by how much the gain of a
-    correction by these values exceeds that of the kind: a path is chosen among many.
+    correction by these values exceeds that of the kind: a path is chosen among many. ``density``
+    is that of a walk, in each piece.
     """
 
     kind: str
@@ -48,6 +50,7 @@ class Course:
     fit: Fit | None = None
     began: int = 0
     dues: float = 0.0
+    density: float = 0.0
 
 
 def find(case: Examination) -> list[Finding]:
@@ -179,10 +182,11 @@ def _likeliest_walk(responses: Responses, columns: Sequence[int]) -> Course:
         for q in scale * _INTENSITIES
     ]
     best = int(np.argmax(gains))
-    q = scale * _INTENSITIES[best]
+    q = float(scale * _INTENSITIES[best])
     path = root @ (vectors @ (q * projected / (1.0 + q * values)))
     corrected = float(2.0 * path @ g - path @ M @ path)
-    return Course('walk', path, gains[best], dues=max(corrected - gains[best], 0.0))
+    dues = max(corrected - gains[best], 0.0)
+    return Course('walk', path, gains[best], dues=dues, density=float(q))
 
 
 def _finding(case: Examination, name: str, courses: dict[int, Course], limits: Array) -> Finding:
@@ -218,15 +222,32 @@ def _finding(case: Examination, name: str, courses: dict[int, Course], limits: A
             nearer[index] = replace(more, values=course.values + more.values[0], gain=course.gain)
         return _finding(case, name, nearer, limits)
 
-    return Finding(
+    def exact() -> Finding:
+        """Return the walk with its likelihood, and without it a path that is drawn."""
+        indices, length = list(courses), float(limits[1] - limits[0])
+        densities = np.array([course.density for course in courses.values()]) / length
+        gain, path = wandering.likeliest(case.passage, name, indices, densities)
+        record = evidence.sensors[name]
+        times = [case.passage.events[k].time for k in case.passage.of(name)]
+        value = record.value.copy()
+        for column, index in enumerate(indices):
+            value[:, index] -= np.interp(record.stamp, times, path[:, column])
+        without = evidence.with_values(name, value)
+        return replace(
+            found, gain=gain, is_exact=True, exact=None, mended=lambda: without, again=None
+        )
+
+    walks = main.kind == 'walk' and all(course.kind == 'walk' for course in courses.values())
+    found = Finding(
         kind, name,
         f'readings of {name} are off: {words}. Calibrate it, or let the estimator follow it '
         '(bias_std).',
         gain**0.5, gain=gain, dues=sum(course.dues for course in courses.values()),
         parameters=sum(_numbers_of(course.kind) for course in courses.values()),
         figure=Figure(f'{name}: its offset', 'time [s]', 'offset', curves), mended=mended,
-        again=again,
+        again=again, exact=exact if walks else None,
     )  # fmt: skip
+    return found
 
 
 def _numbers_of(kind: str) -> int:

@@ -186,10 +186,13 @@ def _find_best(case: Examination, known: Sequence[Finding]) -> tuple[Finding, Ex
         best = max((other.gain for other, _ in tried), default=0.0)
         if finding not in from_passes and finding.gain < share * best:
             break
-        after = Examination(finding.mended(), known=finding.passage) if finding.mended else case
         try:
+            finding = finding.exact() if finding.exact else finding
+            after = (
+                Examination(finding.mended(), known=finding.passage) if finding.mended else case
+            )
             gain = explained(case.passage, after.passage) - finding.dues
-            gain -= dimension * finding.parameters
+            gain = (finding.gain if finding.is_exact else gain) - dimension * finding.parameters
         except np.linalg.LinAlgError:
             continue
         if gain > threshold:

@@ -75,6 +75,11 @@ class Finding:
     again
         Function that returns the finding with another size, from the examination after its
         correction; None if there is nothing left to correct.
+    is_exact
+        Whether ``gain`` is exact.
+    exact
+        Function that returns the finding with its exact gain, where ``gain`` is a prediction that
+        a corrected pass cannot check; None otherwise.
     mended
         Function that returns the corrected evidence, for the search for further faults; None if
         the evidence needs no correction.
@@ -98,6 +103,8 @@ class Finding:
     parameters: float = 1.0
     note: bool = False
     again: Callable[[Any], Finding | None] | None = field(default=None, repr=False, compare=False)
+    exact: Callable[[], Finding] | None = field(default=None, repr=False, compare=False)
+    is_exact: bool = False
     mended: Callable[[], Evidence] | None = field(default=None, repr=False, compare=False)
     passage: Passage | None = field(default=None, repr=False, compare=False)
 

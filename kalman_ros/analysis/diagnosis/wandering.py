@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The likelihood of an offset of a sensor that wanders, and a path of it, exact on a pass.
+
+The offset joins the state of the linearised pass, with the state's error about the predictions
+of the pass: after each event the pass moves its estimate by K nu, and the error by as much the
+other way. The likelihood is that of the innovations of this larger filter (F. Schweppe, Evaluation
+of Likelihood Functions for Gaussian Signals, IEEE Trans. Information Theory 11(1), 1965). A path
+is drawn backwards from the filter's beliefs (S. Fruehwirth-Schnatter, Data Augmentation and
+Dynamic Linear Models, J. Time Series Analysis 15(2), 1994): without the mean path readings would
+scatter less than their noise, and without a drawn one as much as they should.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from kalman_ros.core import Array
+from kalman_ros.linear.matrices import symmetric
+
+from .passage import Passage, whitener
+
+#: Trial factors of the densities that a coarser fit found, from the middle outwards.
+_STEP, _MOST = 4.0, 4
+#: Variance at the start, in seconds of the walk.
+_BEFORE = 1.0
+#: Seed of the drawn path: the same recording has the same diagnosis.
+_SEED = 1
+#: Share of a variance that is added, so that what is known exactly has an inverse.
+_NUGGET = 1e-9
+
+
+class _Step(NamedTuple):
+    """What the way back needs of an event: the belief after it, and the step to the next one."""
+
+    mean: Array
+    covariance: Array
+    F: Array
+    Q: Array
+    ahead: Array
+    ahead_covariance: Array
+
+
+def likeliest(
+    passage: Passage, sensor: str, coordinates: Sequence[int], densities: Array
+) -> tuple[float, Array]:
+    """Return the reduction of the misfit by a walk, and the path that is drawn.
+
+    Parameters
+    ----------
+    passage
+        Pass without the walk.
+    sensor, coordinates
+        Those of the offset.
+    densities
+        Spectral density of each coordinate (c,), about which the likeliest is searched.
+
+    Returns
+    -------
+    gain, path
+        Path (E, c) at the events of the sensor.
+    """
+
+    def walk(factor: float) -> _Walk:
+        return _Walk(passage, sensor, coordinates, factor * densities)
+
+    factor, best = 1.0, walk(1.0)
+    for step in (_STEP, 1.0 / _STEP):
+        start = factor
+        for _ in range(_MOST):
+            other = walk(factor * step)
+            if other.misfit >= best.misfit:
+                break
+            factor, best = factor * step, other
+        if factor != start:  # it grows in one direction alone
+            break
+    return passage.misfit - best.misfit, best.path()
+
+
+class _Walk:
+    """A filter of the error of the pass and of an offset with the given ``densities`` (c,)."""
+
+    def __init__(
+        self, passage: Passage, sensor: str, coordinates: Sequence[int], densities: Array
+    ) -> None:
+        self._passage, self._sensor, self._coordinates = passage, sensor, list(coordinates)
+        self._densities = np.diag(densities)
+        self._n = len(passage.events[0].x)
+        self.misfit = sum(misfit for misfit, _ in self._filter())
+
+    def _filter(self, keep: bool = False) -> list[tuple[float, _Step | None]]:
+        """Return the misfit of each event, and the steps that `path` takes back where kept."""
+        events, n, c = self._passage.events, self._n, len(self._coordinates)
+        whole, offsets = np.eye(n + c), n + np.arange(c)
+        m, P = np.zeros(n + c), np.zeros((n + c, n + c))
+        P[:n, :n], P[n:, n:] = events[0].P, _BEFORE * self._densities
+        found: list[tuple[float, _Step | None]] = []
+        for event, after in zip(events, [*events[1:], events[-1]]):
+            H = np.zeros((len(event.innovation), n + c))
+            H[:, :n] = event.H
+            S = event.S - event.H @ event.P @ event.H.T  # R, so far
+            if event.sensor == self._sensor:
+                H[self._coordinates, offsets] = 1.0
+            PH = P @ H.T
+            white, log_size = whitener(symmetric(H @ PH + S))
+            e = white @ (event.innovation - H @ m)
+            gain = PH @ white.T
+            m, P = m + gain @ e, P - gain @ gain.T
+            F, Q = whole.copy(), np.zeros((n + c, n + c))
+            F[:n, :n], Q[:n, :n], Q[n:, n:] = after.F, after.Q, after.dt * self._densities
+            moved = m.copy()
+            moved[:n] -= event.K @ event.innovation
+            ahead, P_ahead = F @ moved, symmetric(F @ P @ F.T + Q)
+            step = _Step(m, P, F, Q, ahead, P_ahead) if keep else None
+            found.append((float(e @ e) + log_size, step))
+            m, P = ahead, P_ahead
+        return found
+
+    def path(self) -> Array:
+        """Return a path (E, c) at the events of the sensor, drawn given all readings."""
+        rng, n = np.random.default_rng(_SEED), self._n
+        steps = [step for _, step in self._filter(keep=True) if step is not None]
+        drawn = _draw(rng, steps[-1].mean, steps[-1].covariance)
+        offsets = [drawn[n:]]
+        for step in reversed(steps[:-1]):
+            back = _solved(step.ahead_covariance, step.F @ step.covariance).T
+            mean = step.mean + back @ (drawn - step.ahead)
+            # Joseph's form, in which nothing cancels
+            left = np.eye(len(mean)) - back @ step.F
+            covariance = left @ step.covariance @ left.T + back @ step.Q @ back.T
+            drawn = _draw(rng, mean, covariance)
+            offsets.append(drawn[n:])
+        whole: Array = np.array(offsets[::-1])
+        return np.asarray(whole[self._passage.of(self._sensor)])
+
+
+def _solved(P: Array, right: Array) -> Array:
+    """Return P^-1 times ``right``; a state may be known exactly."""
+    scale = np.sqrt(np.maximum(P.diagonal(), 1e-300))
+    scaled = P / np.outer(scale, scale)
+    scaled[np.diag_indices_from(scaled)] += _NUGGET
+    return np.asarray(np.linalg.solve(scaled, right / scale[:, None]) / scale[:, None])
+
+
+def _draw(rng: np.random.Generator, mean: Array, covariance: Array) -> Array:
+    scale = np.sqrt(np.maximum(covariance.diagonal(), 1e-300))
+    scaled = symmetric(covariance) / np.outer(scale, scale)
+    scaled[np.diag_indices_from(scaled)] += _NUGGET
+    root = scale[:, None] * np.linalg.cholesky(scaled)
+    return np.asarray(mean + root @ rng.standard_normal(len(mean)))
