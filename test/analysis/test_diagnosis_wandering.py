@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The likelihood of a walk of a sensor is that of all readings as one Gaussian vector."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from kalman_ros.analysis.diagnosis import wandering
+from kalman_ros.analysis.diagnosis.passage import Event, Passage, whitener
+
+F, Q, H, R, DT = (
+    np.array([[1.0, 0.1], [0.0, 0.95]]),
+    np.diag([1e-3, 2e-2]),
+    np.eye(1, 2),
+    0.04,
+    0.1,
+)
+OTHER = np.array([[0.3, 1.0]])
+FIRST = np.diag([0.5, 0.2])
+
+
+def recorded(count=25, density=0.5, seed=3):
+    """Return the readings of two sensors in turn, of which the first one wanders."""
+    rng = np.random.default_rng(seed)
+    x, b = rng.multivariate_normal(np.zeros(2), FIRST), rng.normal() * density**0.5
+    readings = []
+    for k in range(count):
+        H_k, offset = (H, b) if k % 2 == 0 else (OTHER, 0.0)
+        readings.append(H_k @ x + offset + R**0.5 * rng.normal(size=1))
+        x = F @ x + rng.multivariate_normal(np.zeros(2), Q)
+        b += rng.normal() * (density * DT) ** 0.5
+    return readings
+
+
+def passed(readings):
+    """Return the pass of a Kalman filter without the walk."""
+    x, P, events, whitened = np.zeros(2), FIRST, [], []
+    for k, y in enumerate(readings):
+        if k:
+            x, P = F @ x, F @ P @ F.T + Q
+        H_k = H if k % 2 == 0 else OTHER
+        nu, S = y - H_k @ x, H_k @ P @ H_k.T + R
+        K = P @ H_k.T / S
+        white, size = whitener(S)
+        name = 'first' if k % 2 == 0 else 'second'
+        events.append(
+            Event(name, k // 2, k * DT, F, Q, DT, x, P, np.zeros(0), H_k, K, S, nu, white, size)
+        )
+        whitened.append(white @ nu)
+        x, P = x + K @ nu, P - K @ S @ K.T
+    return Passage(events, whitened)
+
+
+def covariance(count, density):
+    """Return the covariance of all readings, from that of states and offsets at all steps."""
+    size = 2 * count
+    states, P = np.zeros((size, size)), FIRST
+    for k in range(count):
+        states[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = P
+        A = np.eye(2)
+        for j in range(k + 1, count):
+            A = F @ A
+            states[2 * j : 2 * j + 2, 2 * k : 2 * k + 2] = A @ P
+            states[2 * k : 2 * k + 2, 2 * j : 2 * j + 2] = (A @ P).T
+        P = F @ P @ F.T + Q
+    read = np.zeros((count, size))
+    for k in range(count):
+        read[k, 2 * k : 2 * k + 2] = (H if k % 2 == 0 else OTHER)[0]
+    steps = np.arange(count)
+    walk = density * (1.0 + DT * np.minimum.outer(steps, steps))
+    wanders = steps % 2 == 0
+    return read @ states @ read.T + R * np.eye(count) + walk * np.outer(wanders, wanders)
+
+
+def misfit(readings, density):
+    y, S = np.concatenate(readings), covariance(len(readings), density)
+    return y @ np.linalg.solve(S, y) + np.linalg.slogdet(2.0 * np.pi * S)[1]
+
+
+@pytest.mark.parametrize('density', [1e-3, 0.1, 2.0])
+def test_its_likelihood_is_that_of_all_readings_at_once(density):
+    readings = recorded()
+    found = wandering._Walk(passed(readings), 'first', [0], np.array([density]))
+    assert passed(readings).misfit == pytest.approx(misfit(readings, 0.0), rel=1e-10)
+    assert found.misfit == pytest.approx(misfit(readings, density), rel=1e-10)
+
+
+def test_the_likeliest_intensity_is_found_from_a_coarse_one():
+    readings = recorded()
+    gains = []
+    for start in (0.5 / 64.0, 0.5, 0.5 * 64.0):
+        gain, path = wandering.likeliest(passed(readings), 'first', [0], np.array([start]))
+        assert path.shape == (13, 1)
+        gains.append(gain)
+    best = max(misfit(readings, 0.0) - misfit(readings, 0.5 * 4.0**k) for k in range(-3, 4))
+    np.testing.assert_allclose(gains, best, rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_drawn_paths_scatter_as_the_offset_does_given_the_readings(monkeypatch):
+    readings, density = recorded(), 0.5
+    walk = wandering._Walk(passed(readings), 'first', [0], np.array([density]))
+    paths = []
+    for seed in range(400):
+        monkeypatch.setattr(wandering, '_SEED', seed)
+        paths.append(walk.path()[:, 0])
+    # by the rules of conditional Gaussians
+    steps = np.arange(25)
+    prior = density * (1.0 + DT * np.minimum.outer(steps, steps))
+    together = prior * (steps % 2 == 0)  # the offset with each reading
+    solved = np.linalg.solve(covariance(25, density), together.T)
+    mean = (solved.T @ np.concatenate(readings))[::2]
+    std = np.sqrt(np.diagonal(prior - together @ solved))[::2]
+    assert np.abs(np.mean(paths, axis=0) - mean).max() < 4.0 * std.max() / 400**0.5
+    np.testing.assert_allclose(np.std(paths, axis=0), std, rtol=0.15)
+
+
+def test_the_same_recording_has_the_same_path():
+    given = passed(recorded()), 'first', [0], np.array([0.5])
+    np.testing.assert_array_equal(wandering.likeliest(*given)[1], wandering.likeliest(*given)[1])
+
+
+def test_a_state_that_is_known_exactly_does_no_harm():
+    events = [
+        SimpleNamespace(**{**vars(event), 'P': 0.0 * event.P}) if k == 0 else event
+        for k, event in enumerate(passed(recorded()).events)
+    ]
+    events[0].S = events[0].S - H @ FIRST @ H.T
+    given = Passage(events, [event.white @ event.innovation for event in events])
+    gain, path = wandering.likeliest(given, 'first', [0], np.array([0.5]))
+    assert np.isfinite(gain) and np.isfinite(path).all()
