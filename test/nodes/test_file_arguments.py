@@ -3,6 +3,7 @@
 
 import os
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import yaml
@@ -19,6 +20,7 @@ from kalman_ros.nodes.controller.node import ControllerNode
 from kalman_ros.nodes.estimator.node import EstimatorNode
 from kalman_ros.nodes.middleware.file_arguments import hint, readable
 from kalman_ros.nodes.middleware.parameters import given
+from kalman_ros.nodes.middleware.runtime import _warn_of_other_files
 from kalman_ros.nodes.plant.node import PlantNode
 
 CONFIG = Path(__file__).parents[2] / 'config'
@@ -137,3 +139,24 @@ def test_a_pipe_is_read_once():
     with readable(['node', '--ros-args', '--params-file', f'/dev/fd/{reading}']) as found:
         assert Path(found[-1]).read_text() == text
     os.close(reading)
+
+
+@pytest.mark.parametrize(
+    ('section', 'arguments', 'warned'),
+    [
+        ('/**', (), False), ('estimator', (), False), ('ekf_filter_node', (), True),
+        ('ekf_filter_node', ('-p', 'publish_rate:=50.0'), True), (None, (), False),
+    ],
+)  # fmt: skip
+def test_a_file_without_a_section_for_the_node_is_noticed(
+    start, tmp_path, monkeypatch, section, arguments, warned
+):
+    file, said = tmp_path / 'robot.yaml', []
+    file.write_text(f'{section}:\n  ros__parameters:\n    model: cart_pole\n')
+    argv = [*arguments, *(() if section is None else ('--params-file', str(file)))]
+    node = start('estimator', *argv)
+    monkeypatch.setattr(node, 'get_logger', lambda: SimpleNamespace(warning=said.append))
+    _warn_of_other_files(node, argv)
+    assert bool(said) is warned
+    if said:
+        assert said[0].startswith('no section of the parameter file is for /estimator: it has the')

@@ -7,7 +7,7 @@ import faulthandler
 import gc
 import inspect
 import sys
-from collections.abc import Callable, Iterable, Mapping, Set
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from typing import Any
 
 import rclpy
@@ -74,6 +74,8 @@ class ScenarioNode(WatcherNode, ManagedNode):
         self.known: Mapping[str, Option] = {}
         self._kind, self._build_options = name, options
         parameters.harden(self)
+        #: The number of parameters that arguments and parameter files have for this node.
+        self.given_count = len(parameters.given(self))
         parameters.free(self, parameters.given(self))
         self._code = parameters.CodeNames(self)
         self.diagnostics = Diagnostics(self, self._report_state)
@@ -248,11 +250,23 @@ def main(build: Callable[[], ScenarioNode]) -> None:
         if wants_help(sys.argv[1:]):
             print(usage(node))
         else:
+            _warn_of_other_files(node, sys.argv)
             _spin(node, interruption)
     finally:
         interruption.ignore()
         node.destroy_node()
         rclpy.try_shutdown()
+
+
+def _warn_of_other_files(node: ScenarioNode, argv: Sequence[str]) -> None:
+    """Warn if there are parameter files, none of which has a section for the node."""
+    single = sum(argument in ('-p', '--param') for argument in argv)
+    if '--params-file' in argv and node.given_count <= single:
+        name = node.get_fully_qualified_name()
+        node.get_logger().warning(
+            f'no section of the parameter file is for {name}: it has the built-in parameters; a '
+            "section '/**' is for every node"
+        )
 
 
 def _spin(node: ScenarioNode, interruption: Interruption) -> None:
