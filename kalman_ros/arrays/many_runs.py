@@ -4,16 +4,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from kalman_ros.analysis.ensemble import Ensemble, ensemble
+from kalman_ros.compiled import is_available
 from kalman_ros.core import ArrayLike
 from kalman_ros.core.known_names import KnownNames
 from kalman_ros.scenario import Scenario
+from kalman_ros.scenario.estimation import Estimation
 from kalman_ros.simulation.batch_loop import Loop
 from kalman_ros.simulation.loop_law import Reference
 from kalman_ros.simulation.monte_carlo import spawned
@@ -106,6 +109,7 @@ def monte_carlo(
     input_rate_limit: ArrayLike | None = None,
     chunk: int | None = None,
     progress: Callable[[int], None] | None = None,
+    arithmetic: str = 'compiled',
 ) -> ManyRuns:
     """Return many runs of a loop, computed together, with the statistics of their errors.
 
@@ -139,16 +143,20 @@ def monte_carlo(
         The most runs to compute at a time; by default as many as are quick.
     progress
         Called with the number of runs that are complete, after each chunk.
+    arithmetic
+        What computes the filter: ``'compiled'`` formulas of model and sensors, or ``'c'``, the C
+        that `export` writes, so that many runs test what will run on a board.
 
     Raises
     ------
     ValueError
-        If an argument is invalid, or no input holds the reference.
+        If an argument is invalid, no input holds the reference, or C does not have the filter.
     DesignError
         If the law has no solution.
     """
     given = Given(reference, gain, input_limit, input_rate_limit)
     loop, law = loop_of(scenario, overrides, given, duration('seconds', seconds))
+    loop = replace(loop, replaced=_replaced(arithmetic, loop.believed))
     found = ensemble(
         loop,
         law,
@@ -162,3 +170,16 @@ def monte_carlo(
     )
     values = {field.name: getattr(found, field.name) for field in fields(Ensemble)}
     return ManyRuns(**values, _loop=loop)
+
+
+def _replaced(arithmetic: str, believed: Scenario) -> Callable[[Estimation], Estimation] | None:
+    """Return what replaces the filter of a loop; None if nothing does."""
+    if arithmetic not in ('compiled', 'c'):
+        raise ValueError(f"arithmetic: expected 'compiled' or 'c', got {arithmetic!r}")
+    if arithmetic == 'compiled':
+        return None
+    if not is_available():
+        raise ValueError("arithmetic: 'c' is not possible here: CasADi is not installed")
+    from kalman_ros.embedded.filter_in_c import in_c  # CasADi is slow to load
+
+    return partial(in_c, believed)

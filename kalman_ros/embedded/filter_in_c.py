@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
+from copy import copy
 from dataclasses import replace
 from typing import Any
 
@@ -47,6 +48,10 @@ class FilterInC(Filter):
         self._n, self._m, self._whole = n, m, n + n * n
         library.filter_predict.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_double]
         library.filter_correct.argtypes = [ctypes.c_void_p, ctypes.c_int]
+        predict, correct = library.filter_predict_many, library.filter_correct_many
+        predict.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_long, ctypes.c_double]
+        correct.argtypes = [ctypes.c_void_p, ctypes.c_long, ctypes.c_int]
+        predict.restype = correct.restype = None
         library.filter_size.restype = ctypes.c_ulong
         self._library = library
         self._loop = ctypes.create_string_buffer(library.filter_size())
@@ -58,7 +63,7 @@ class FilterInC(Filter):
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
         """Return the belief ``dt`` seconds later, with the input ``u`` (m,) held."""
         if belief.mean.ndim > 1:
-            return self._original.predict(belief, u, dt)
+            return self._predict_many(belief, u, dt)
         x, P = belief
         v = np.empty(self._whole + self._m + 1)
         v[: self._n], v[self._n : self._whole] = x, P.ravel()
@@ -70,8 +75,10 @@ class FilterInC(Filter):
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Return the belief corrected by the reading ``y`` (k,) of ``sensor``."""
         index = self._sensors.get(sensor.name)
-        if index is None or belief.mean.ndim > 1:
+        if index is None:
             return self._original.correct(belief, y, sensor)
+        if belief.mean.ndim > 1:
+            return self._correct_many(belief, y, sensor, index)
         x, P = belief
         k, n, whole = y.size, self._n, self._whole
         v = np.empty(whole + k + k * k + 1)
@@ -81,6 +88,43 @@ class FilterInC(Filter):
             raise np.linalg.LinAlgError('the innovation covariance is not positive definite')
         S = v[whole + k : -1].reshape(k, k)
         return Correction(self._belief(v), v[whole : whole + k], S, nis=float(v[-1]))
+
+    def stacked(self) -> Filter:
+        """Return the filter for beliefs with leading axes."""
+        other = copy(self)
+        other._original = self._original.stacked()
+        return other
+
+    def _rows(self, belief: Gaussian, *more: Array) -> tuple[Array, tuple[int, ...]]:
+        """Return beliefs as rows of x, P and what stands behind them, and the leading axes."""
+        x, P = belief
+        lead, n = x.shape[:-1], self._n
+        v = np.empty((*lead, self._whole + sum(each.shape[-1] for each in more)))
+        v[..., :n], v[..., n : self._whole] = x, P.reshape(*P.shape[:-2], n * n)
+        end = self._whole
+        for each in more:
+            v[..., end : end + each.shape[-1]] = each
+            end += each.shape[-1]
+        return v, lead
+
+    def _predict_many(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
+        v, lead = self._rows(belief, u)
+        count = int(np.prod(lead))
+        self._library.filter_predict_many(self._loop, v.ctypes.data, count, dt)
+        return self._beliefs(v)
+
+    def _correct_many(self, belief: Gaussian, y: Array, sensor: Sensor, index: int) -> Correction:
+        k, whole = y.shape[-1], self._whole
+        R = sensor.covariance
+        R = R.reshape(*R.shape[:-2], k * k)
+        v, lead = self._rows(belief, y, R, np.zeros(1))
+        self._library.filter_correct_many(v.ctypes.data, int(np.prod(lead)), index)
+        S = v[..., whole + k : -1].reshape(*lead, k, k)
+        return Correction(self._beliefs(v), v[..., whole : whole + k], S, nis=v[..., -1])
+
+    def _beliefs(self, v: Array) -> Gaussian:
+        n = self._n
+        return unchecked((v[..., :n], v[..., n : self._whole].reshape(*v.shape[:-1], n, n)))
 
 
 class SmoothableInC(FilterInC, SmoothableFilter):

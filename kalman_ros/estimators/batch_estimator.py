@@ -8,13 +8,11 @@ covariance to repair or a gate that may recover, are left to the code for one ru
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Sensor, is_finite, unchecked
-from kalman_ros.core.stacked import stacked, stacked_sensor
+from kalman_ros.core.stacked import stacked_sensor
 from kalman_ros.linear.batched import factor, squared, times, whitened
 
 from .batch_records import NEVER, BatchRecords, Mask
@@ -37,9 +35,7 @@ def for_many(filter: Filter) -> Filter:
             'filter: expected one with a single Gaussian as its belief, such as kf, ekf or ukf, '
             f'for a batch, got {type(filter).__name__}'
         )
-    single: Any = filter
-    stacked_filter: Filter = replace(single, model=stacked(filter.model))
-    return stacked_filter
+    return filter.stacked()
 
 
 class BatchEstimator:

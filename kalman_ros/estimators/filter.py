@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log, pi
 from typing import Any, ClassVar, NamedTuple
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from kalman_ros.core import Array, Dynamics, Gaussian, Sensor, is_finite, unchecked
 from kalman_ros.core.known_names import KnownNames
+from kalman_ros.core.stacked import stacked
 from kalman_ros.linear.factor import cholesky
 from kalman_ros.linear.kernels import kernels
 
@@ -169,6 +170,12 @@ class Filter(ABC):
         numpy.linalg.LinAlgError
             If the innovation covariance is not positive definite.
         """
+
+    def stacked(self) -> Filter:
+        """Return the filter for beliefs with leading axes, even if its model takes one state."""
+        single: Any = self
+        found: Filter = replace(single, model=stacked(self.model))
+        return found
 
 
 class SmoothableFilter(Filter):

@@ -54,6 +54,8 @@ class Loop:
         Function that returns whether readings taken at a time in seconds reach the estimator.
     faults
         Faults of the plant.
+    replaced
+        Function that puts another filter in the place of one, such as the exported C.
     """
 
     scenario: Scenario
@@ -64,12 +66,14 @@ class Loop:
     command: Callable[[float], Array] | None = None
     arrives: Callable[[float], bool] | None = None
     faults: PlantFaults | None = None
+    replaced: Callable[[Estimation], Estimation] | None = None
 
     @property
     def estimation(self) -> Estimation:
         """The estimation of each loop, for readings in order."""
         in_order = Policy(max_gap=0.0)
-        return estimation(self.believed, in_order, filter=self.filter, biases=False)
+        found = estimation(self.believed, in_order, filter=self.filter, biases=False)
+        return found if self.replaced is None else self.replaced(found)
 
     @property
     def steps(self) -> int:

@@ -10,6 +10,15 @@ int filter_predict(loop_state *s, real *v, real dt)
     return !predicted(s, dt, v, v + N);
 }
 
+/* as many beliefs, one behind the other; those without a finite result become NaN */
+void filter_predict_many(loop_state *s, real *v, long count, real dt)
+{
+    for (long i = 0; i < count; i++, v += N + N * N + M)
+        if (filter_predict(s, v, dt))
+            for (int j = 0; j < N + N * N; j++)
+                v[j] = (real)NAN;
+}
+
 /* behind P: y and its covariance R; results are x, P, the innovation, its covariance and the NIS */
 int filter_correct(real *v, int index)
 {
@@ -24,4 +33,13 @@ int filter_correct(real *v, int index)
     memcpy(v + N + N * N + k, c.S, (size_t)(k * k) * sizeof *v);
     v[N + N * N + k + k * k] = c.nis;
     return 0;
+}
+
+void filter_correct_many(real *v, long count, int index)
+{
+    const int k = SENSOR[index].size, width = N + N * N + k + k * k + 1;
+    for (long i = 0; i < count; i++, v += width)
+        if (filter_correct(v, index))
+            for (int j = 0; j < width; j++)
+                v[j] = (real)NAN;
 }
