@@ -130,3 +130,25 @@ def test_a_state_that_is_known_exactly_does_no_harm():
     given = Passage(events, [event.white @ event.innovation for event in events])
     gain, path = wandering.likeliest(given, 'first', [0], np.array([0.5]))
     assert np.isfinite(gain) and np.isfinite(path).all()
+
+
+@pytest.mark.parametrize(
+    ('offset', 'walks'),
+    [('walk', True), ('scale', False), ('crossed', False), ('jumps', False), ('half', True)],
+)
+def test_a_walk_moves_by_chance_and_not_with_the_readings(offset, walks):
+    rng = np.random.default_rng(5)
+    times = np.arange(2000) * 0.05
+    read = np.column_stack([np.sin(0.3 * times), np.sin(0.17 * times + 1.0)])
+    walk = np.cumsum(0.02 * rng.normal(size=2000))
+    jumps = np.where(rng.random(2000) < 0.004, rng.normal(size=2000), 0.0)
+    paths = {
+        'walk': walk, 'scale': 0.1 * read[:, 0], 'crossed': 0.1 * read[:, 1],
+        'jumps': np.cumsum(jumps), 'half': walk + 0.01 * read[:, 0],
+    }  # fmt: skip
+    assert wandering.is_walk(times, paths[offset][:, None], read) is walks
+
+
+def test_what_does_not_move_at_all_or_is_short_is_no_evidence_against_a_walk():
+    assert wandering.is_walk(np.arange(100.0), np.zeros((100, 1)), np.ones((100, 1)))
+    assert wandering.is_walk(np.arange(3.0), np.arange(3.0)[:, None], np.arange(3.0)[:, None])

@@ -30,6 +30,8 @@ _NAMES = {'ramp': 'drift', 'walk': 'random walk'}
 _AS_MUCH, _NEARLY = 0.005, 0.1
 #: Number of standard deviations up to which an offset is as declared.
 _DECLARED = 4.0
+#: Largest certainty of a walk, which has the shape of any slow cause without a name here.
+_SUREST = 0.8
 #: Trial intensities of random walks, relative to the variance that the data allow.
 _INTENSITIES = np.geomspace(1e-4, 1e4, 33)
 
@@ -227,8 +229,13 @@ def _finding(case: Examination, name: str, courses: dict[int, Course], limits: A
         indices, length = list(courses), float(limits[1] - limits[0])
         densities = np.array([course.density for course in courses.values()]) / length
         gain, path = wandering.likeliest(case.passage, name, indices, densities)
-        record = evidence.sensors[name]
-        times = [case.passage.events[k].time for k in case.passage.of(name)]
+        record, events = evidence.sensors[name], case.passage.events
+        times = np.array([events[k].time for k in case.passage.of(name)])
+        predicted = np.array(
+            [record.value[events[k].index] - events[k].innovation for k in case.passage.of(name)]
+        )
+        if not wandering.is_walk(times, path, predicted):
+            return replace(found, exact=None)
         value = record.value.copy()
         for column, index in enumerate(indices):
             value[:, index] -= np.interp(record.stamp, times, path[:, column])
@@ -245,7 +252,7 @@ def _finding(case: Examination, name: str, courses: dict[int, Course], limits: A
         gain**0.5, gain=gain, dues=sum(course.dues for course in courses.values()),
         parameters=sum(_numbers_of(course.kind) for course in courses.values()),
         figure=Figure(f'{name}: its offset', 'time [s]', 'offset', curves), mended=mended,
-        again=again, exact=exact if walks else None,
+        again=again, exact=exact if walks else None, most=_SUREST if walks else 1.0,
     )  # fmt: skip
     return found
 

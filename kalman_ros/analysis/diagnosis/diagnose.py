@@ -204,7 +204,7 @@ def _find_best(case: Examination, known: Sequence[Finding]) -> tuple[Finding, Ex
     rivals = [other for other, _ in tried if not same(other, finding)]
     share = certainty(finding.gain, [other.gain for other in rivals])
     whole = completeness(case.passage, after.passage)
-    finding = replace(finding, certainty=share * whole)
+    finding = replace(finding, certainty=min(share * whole, finding.most))
     equivalent = [
         (other.kind, other.subject) for other in rivals if other.gain > _TIED * finding.gain
     ]

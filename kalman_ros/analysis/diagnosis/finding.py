@@ -68,6 +68,8 @@ class Finding:
     certainty
         Posterior share of this cause, with those that fit as well, among those that were tried,
         times the share of the misfit that it explains.
+    most
+        Largest certainty of a cause of this kind.
     parameters
         The number of fitted numbers; each costs the logarithm of the number of values read.
     note
@@ -100,6 +102,7 @@ class Finding:
     silent: bool = False
     dues: float = 0.0
     certainty: float = 1.0
+    most: float = 1.0
     parameters: float = 1.0
     note: bool = False
     again: Callable[[Any], Finding | None] | None = field(default=None, repr=False, compare=False)

@@ -24,12 +24,50 @@ from .passage import Passage, whitener
 
 #: Trial factors of the densities that a coarser fit found, from the middle outwards.
 _STEP, _MOST = 4.0, 4
+#: Pieces in whose means a path is judged; the largest share of its steps that those of the
+#: readings explain, and the largest excess kurtosis of its steps.
+_PIECES, _FOLLOWED, _JUMPS = 200, 0.5, 3.0
 #: Variance at the start, in seconds of the walk.
 _BEFORE = 1.0
 #: Seed of the drawn path: the same recording has the same diagnosis.
 _SEED = 1
 #: Share of a variance that is added, so that what is known exactly has an inverse.
 _NUGGET = 1e-9
+
+
+def is_walk(times: Array, path: Array, predicted: Array) -> bool:
+    """Return whether a path is a walk: Gaussian, and independent of the readings.
+
+    Parameters
+    ----------
+    times, path
+        Times (E,) of an offset (E, c).
+    predicted
+        Predicted readings (E, k) of the sensor.
+
+    A wrong scale or an axis that reads another makes an offset of which most moves with the
+    readings, and clusters of outliers make one that jumps.
+    """
+    pieces = max(2, min(_PIECES, len(times) // 5))
+    edges = np.linspace(times[0], times[-1], pieces + 1)[1:-1]
+    piece = np.searchsorted(edges, times)
+    count = np.bincount(piece, minlength=pieces)
+    kept = count > 0
+
+    def steps(values: Array) -> Array:
+        sums = [np.bincount(piece, column, minlength=pieces) for column in values.T]
+        means = np.array(sums).T[kept] / count[kept][:, None]
+        found: Array = np.diff(means, axis=0)
+        return np.asarray(found - found.mean(axis=0))
+
+    moved, read = steps(path), steps(predicted)
+    scale = moved.std(axis=0)
+    if len(moved) <= 2 * read.shape[1] or not (scale > 0.0).all():
+        return True
+    jumps = np.mean((moved / scale) ** 4, axis=0) - 3.0
+    left = moved - read @ np.linalg.lstsq(read, moved, rcond=None)[0]
+    followed = 1.0 - left.var(axis=0) / moved.var(axis=0)
+    return bool(followed.max() < _FOLLOWED and jumps.max() < _JUMPS)
 
 
 class _Step(NamedTuple):
