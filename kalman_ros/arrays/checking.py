@@ -104,6 +104,13 @@ def consistency(estimates: Any, truth: Any = None, *, miss: float = 0.001) -> Co
     ------
     ValueError
         If there is nothing to check, or shapes do not match.
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> run = kr.simulate('mass_spring_damper_2d', seconds=20, seed=1)
+    >>> kr.consistency(run).passed
+    True
     """
     single = isinstance(estimates, (Estimates, Trajectory))
     runs = [estimates] if single else _listed('estimates', estimates)

@@ -163,6 +163,17 @@ def tune(
     ------
     ValueError
         If an argument is invalid, or there is no likelihood; the message names it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import kalman_ros as kr
+    >>> def level(q=1.0):
+    ...     return kr.discrete_model(1.0, Q=q), ([[1.0]], 0.25), (0.0, 1.0)
+    >>> rng = np.random.default_rng(0)
+    >>> y = np.cumsum(0.3 * rng.normal(size=400)) + 0.5 * rng.normal(size=400)
+    >>> round(kr.tune(level, np.arange(400.0), y).values['q'], 3)
+    0.09
     """
     share = number('hold_out', hold_out)
     if not 0.0 <= share < 1.0:

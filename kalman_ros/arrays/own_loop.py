@@ -58,6 +58,17 @@ class OnlineEstimator(KnownNames):
     See Also
     --------
     kalman_ros.filter : all readings of a recording at once
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> kalman = kr.KalmanFilter(kr.discrete_model(1.0, Q=0.2, period=0.1))
+    >>> estimator = kr.OnlineEstimator(kalman, ([[1.0]], 1.0), (0.0, 4.0), gates=0.999)
+    >>> for time, y in ((0.0, 1.0), (0.2, 50.0), (0.1, 1.2)):  # one off, and one late
+    ...     print(estimator.add_reading(time, [y])[0].name)
+    FUSED
+    REJECTED
+    FUSED
     """
 
     def __init__(
@@ -204,6 +215,13 @@ class Regulator(KnownNames):
         If an argument is invalid, or no input holds the reference.
     DesignError
         If the law has no solution.
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> regulator = kr.Regulator('cart_pole', input_limit=20.0)
+    >>> regulator.step([0.0, 0.0, 0.1, 0.0]).round(2)
+    array([-9.51])
     """
 
     def __init__(

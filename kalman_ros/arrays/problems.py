@@ -297,6 +297,14 @@ def compile(part: Model | Sensor, state: Space | None = None) -> Any:
     ------
     ValueError
         If it is something else, or a sensor without the space of its states.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import kalman_ros as kr
+    >>> model = kr.compile(kr.load('cart_pole').model)
+    >>> model.step(np.array([0.0, 0.0, 0.1, 0.0]), np.zeros(1), 0.1).round(3)
+    array([0.001, 0.028, 0.116, 0.326])
     """
     if isinstance(part, Sensor):
         if not isinstance(state, Space):

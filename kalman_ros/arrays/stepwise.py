@@ -160,6 +160,16 @@ class KalmanFilter(Stepwise, kf.KalmanFilter):
     References
     ----------
     R. E. Kalman, A New Approach to Linear Filtering and Prediction Problems, 1960.
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> kalman = kr.KalmanFilter(kr.discrete_model(1.0, Q=0.2))
+    >>> found = kalman.correct((10.0, 4.0), [12.0], ([[1.0]], 1.0))
+    >>> found.posterior.mean.round(3), found.posterior.covariance.round(3)
+    (array([11.6]), array([[0.8]]))
+    >>> kalman.predict(found.posterior).covariance.round(3)
+    array([[1.]])
     """
 
 
@@ -176,6 +186,18 @@ class ExtendedKalmanFilter(Stepwise, ekf.ExtendedKalmanFilter):
     ----------
     Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation
     (2001), section 10.3.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import kalman_ros as kr
+    >>> def pendulum(x):
+    ...     return np.array([x[1], -9.81 * np.sin(x[0])])
+    >>> model = kr.continuous_model(pendulum, W=[0.0, 0.1])
+    >>> ekf = kr.ExtendedKalmanFilter(model)
+    >>> belief = ekf.predict(([0.1, 0.0], 0.01), dt=0.1)
+    >>> ekf.correct(belief, [0.05], ([1, 0], 0.01)).posterior.mean.round(3)
+    array([ 0.074, -0.078])
     """
 
 
@@ -200,4 +222,15 @@ class UnscentedKalmanFilter(Stepwise, ukf.UnscentedKalmanFilter):
     ----------
     R. van der Merwe, Sigma-Point Kalman Filters for Probabilistic Inference in Dynamic
     State-Space Models (2004), section 3.2.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import kalman_ros as kr
+    >>> def pendulum(x):
+    ...     return np.array([x[1], -9.81 * np.sin(x[0])])
+    >>> model = kr.continuous_model(pendulum, W=[0.0, 0.1])
+    >>> ukf = kr.UnscentedKalmanFilter(model)
+    >>> ukf.predict(([0.1, 0.0], 0.01), dt=0.1).mean.round(3)
+    array([ 0.095, -0.096])
     """

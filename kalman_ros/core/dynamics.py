@@ -32,7 +32,14 @@ class LinearizedStep(NamedTuple):
 
 
 class OperatingPoint(NamedTuple):
-    """A state (n,) and an input (m,) about which a model is linearised."""
+    """A state (n,) and an input (m,) about which a model is linearised.
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> kr.load('cart_pole').model.equilibrium.input
+    array([0.])
+    """
 
     state: Array
     input: Array

@@ -28,6 +28,12 @@ class Gaussian(KnownNames, _Moments):
     ------
     ValueError
         If the sizes do not match.
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> kr.Gaussian([1.0, 2.0], [[4.0, 0.0], [0.0, 9.0]]).std
+    array([2., 3.])
     """
 
     __slots__ = ()

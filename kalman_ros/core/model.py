@@ -114,6 +114,22 @@ class Model(Dynamics):
     has a default. Arrays may have any leading axes: x (..., n), u (..., m). For a rotation, dx/dt
     is the angular rate in the axes of the world, in which noise and errors are, too. The model
     rests where derivative(x, u) = 0, its `equilibrium`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import kalman_ros as kr
+    >>> class Pendulum(kr.Model):
+    ...     state = kr.Space(('angle', 'rate'), ('rad', 'rad/s'), angles=('angle',))
+    ...     input = kr.Space((), ())
+    ...
+    ...     def derivative(self, x, u):
+    ...         return np.stack([x[..., 1], -9.81 * np.sin(x[..., 0])], axis=-1)
+    ...
+    ...     def noise_density(self, x):
+    ...         return np.diag([0.0, 0.1])
+    >>> Pendulum().step(np.array([0.1, 0.0]), np.zeros(0), 0.1).round(3)
+    array([ 0.095, -0.096])
     """
 
     @abstractmethod

@@ -45,6 +45,14 @@ class Space:
     ValueError
         If names repeat, units do not match them, an angle is not among them, or a rotation is not
         three neighbours.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import kalman_ros as kr
+    >>> space = kr.Space(('x', 'psi'), ('m', 'rad'), angles=('psi',))
+    >>> space.subtract(np.array([1.0, 3.0]), np.array([0.5, -3.0])).round(3)
+    array([ 0.5  , -0.283])
     """
 
     names: tuple[str, ...]

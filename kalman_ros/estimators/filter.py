@@ -46,6 +46,16 @@ class Correction(KnownNames):
         H (..., k, n), the sensor's Jacobian at the prior mean; None if the filter has none.
     nis
         Normalised innovation squared, if it is known.
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> kalman = kr.KalmanFilter(kr.discrete_model(1.0, Q=0.2))
+    >>> found = kalman.correct((10.0, 4.0), [12.0], ([[1.0]], 1.0))
+    >>> found
+    Correction(innovation [2.], NIS 0.8 of 1, mean [11.6])
+    >>> found.gain.round(2)
+    array([[0.8]])
     """
 
     __slots__ = ('_nis', 'gain', 'innovation', 'innovation_covariance', 'jacobian', 'posterior')

@@ -10,14 +10,14 @@ pytest.importorskip('rclpy')
 
 import kalman_ros as kr
 
-FUNCTIONS = [name for name in kr.__all__ if inspect.isfunction(getattr(kr, name))]
-EXAMPLES = {name: inspect.getdoc(getattr(kr, name)) for name in FUNCTIONS}
+EXAMPLES = {name: inspect.getdoc(getattr(kr, name)) or '' for name in kr.__all__}
 EXAMPLES = {name: text for name, text in EXAMPLES.items() if '>>>' in text}
+#: Names whose examples need a recording, nodes, a compiler, or an error.
+WITHOUT = {'DesignError', 'DiscreteModel', 'Run', 'Sensor', 'export', 'replay'}
 
 
-def test_most_functions_have_an_example():
-    assert len(EXAMPLES) >= 22
-    assert {'lqr', 'lqe', 'place', 'margins', 'filter', 'design', 'simulate'} <= EXAMPLES.keys()
+def test_every_name_has_an_example_but_those_that_need_more():
+    assert {*kr.__all__} - EXAMPLES.keys() == WITHOUT
 
 
 @pytest.mark.slow
