@@ -30,6 +30,8 @@ _NAMES = {'ramp': 'drift', 'walk': 'random walk'}
 _AS_MUCH, _NEARLY = 0.005, 0.1
 #: Number of standard deviations up to which an offset is as declared.
 _DECLARED = 4.0
+#: Most readings of a pass for which the likelihood of a walk is exact, in seconds.
+_LONGEST = 20_000
 #: Largest certainty of a walk, which has the shape of any slow cause without a name here.
 _SUREST = 0.8
 #: Trial intensities of random walks, relative to the variance that the data allow.
@@ -188,7 +190,7 @@ def _likeliest_walk(responses: Responses, columns: Sequence[int]) -> Course:
     path = root @ (vectors @ (q * projected / (1.0 + q * values)))
     corrected = float(2.0 * path @ g - path @ M @ path)
     dues = max(corrected - gains[best], 0.0)
-    return Course('walk', path, gains[best], dues=dues, density=float(q))
+    return Course('walk', path, gains[best], dues=dues, density=q)
 
 
 def _finding(case: Examination, name: str, courses: dict[int, Course], limits: Array) -> Finding:
@@ -228,14 +230,20 @@ def _finding(case: Examination, name: str, courses: dict[int, Course], limits: A
         """Return the walk with its likelihood, and without it a path that is drawn."""
         indices, length = list(courses), float(limits[1] - limits[0])
         densities = np.array([course.density for course in courses.values()]) / length
-        gain, path = wandering.likeliest(case.passage, name, indices, densities)
         record, events = evidence.sensors[name], case.passage.events
+        coarse = replace(found, exact=None)
+        if len(events) > _LONGEST:
+            return coarse
+        try:
+            gain, path = wandering.likeliest(case.passage, name, indices, densities)
+        except np.linalg.LinAlgError:
+            return coarse
         times = np.array([events[k].time for k in case.passage.of(name)])
         predicted = np.array(
             [record.value[events[k].index] - events[k].innovation for k in case.passage.of(name)]
         )
         if not wandering.is_walk(times, path, predicted):
-            return replace(found, exact=None)
+            return coarse
         value = record.value.copy()
         for column, index in enumerate(indices):
             value[:, index] -= np.interp(record.stamp, times, path[:, column])

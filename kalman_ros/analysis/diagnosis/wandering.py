@@ -6,8 +6,8 @@ of the pass: after each event the pass moves its estimate by K nu, and the error
 other way. The likelihood is that of the innovations of this larger filter (F. Schweppe, Evaluation
 of Likelihood Functions for Gaussian Signals, IEEE Trans. Information Theory 11(1), 1965). A path
 is drawn backwards from the filter's beliefs (S. Fruehwirth-Schnatter, Data Augmentation and
-Dynamic Linear Models, J. Time Series Analysis 15(2), 1994): without the mean path readings would
-scatter less than their noise, and without a drawn one as much as they should.
+Dynamic Linear Models, J. Time Series Analysis 15(2), 1994): readings less the mean path would
+scatter less than their noise, and less a drawn one they scatter as they should.
 """
 
 from __future__ import annotations
