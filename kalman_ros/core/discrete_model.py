@@ -25,6 +25,21 @@ class DiscreteModel(Dynamics):
 
     A subclass sets ``state`` and ``input``, and ``period`` unless that is 1 s, and defines `next`
     and `noise`. A longer step repeats `next`. Arrays may have any leading axes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import kalman_ros as kr
+    >>> class Logistic(kr.DiscreteModel):
+    ...     state, input, period = kr.Space(('share',), ('',)), kr.Space((), ()), 1.0
+    ...
+    ...     def next(self, x, u):
+    ...         return 2.5 * x * (1.0 - x)
+    ...
+    ...     def noise(self, x):
+    ...         return np.array([[1e-4]])
+    >>> Logistic().step(np.array([0.5]), np.zeros(0), 1.0)
+    array([0.625])
     """
 
     is_discrete = True

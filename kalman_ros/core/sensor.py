@@ -41,6 +41,19 @@ class Sensor(ABC):
 
     A subclass sets ``output`` and ``covariance`` (k, k) and defines `measure`. Arrays may have
     any leading axes: x (..., n). A measured rotation is Exp(v) measure(x).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import kalman_ros as kr
+    >>> class Range(kr.Sensor):
+    ...     output = kr.Space(('range',), ('m',))
+    ...     covariance = np.array([[0.01]])
+    ...
+    ...     def measure(self, x):
+    ...         return np.hypot(x[..., :1], x[..., 1:2])
+    >>> Range().jacobian(np.array([3.0, 4.0])).round(3)
+    array([[0.6, 0.8]])
     """
 
     output: Space

@@ -13,7 +13,7 @@ import kalman_ros as kr
 EXAMPLES = {name: inspect.getdoc(getattr(kr, name)) or '' for name in kr.__all__}
 EXAMPLES = {name: text for name, text in EXAMPLES.items() if '>>>' in text}
 #: Names whose examples need a recording, nodes, a compiler, or an error.
-WITHOUT = {'DesignError', 'DiscreteModel', 'Run', 'Sensor', 'export', 'replay'}
+WITHOUT = {'DesignError', 'Run', 'export', 'replay'}
 
 
 def test_every_name_has_an_example_but_those_that_need_more():
