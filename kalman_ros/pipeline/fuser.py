@@ -106,6 +106,8 @@ class Fuser:
         self.fusing = True
         #: Stamp of the newest reading that moved the estimate, in nanoseconds.
         self.fused_at: int | None = None
+        #: Function that is called once, before readings are fused again.
+        self.before_next: Callable[[], object] | None = None
 
     def configure(self, scenario: Scenario, estimation: Estimation) -> None:
         """Use a scenario that was changed live, with the same names and topics."""
@@ -115,6 +117,9 @@ class Fuser:
 
     def fuse(self, received: Iterable[Received], now: int | None = None) -> list[Fused]:
         """Fuse messages received by ``now``, and return the readings with their outcomes."""
+        if self.before_next is not None:
+            action, self.before_next = self.before_next, None
+            action()
         # in the order of the stamps: no message is too old because of another of the same batch
         batch = sorted(received, key=itemgetter(0))
         if not self.fusing:

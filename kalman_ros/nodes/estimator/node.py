@@ -97,7 +97,7 @@ class EstimatorNode(runtime.ScenarioNode):
         )
         self._changeover = Changeover(self, lambda: self._use(self._fuser.scenario))
         self._changeover.when_compiled(found.pending)
-        mounts.on_mounted = self._use
+        mounts.on_mounted = self._use_before_next
         self._health = Health(self._fuser, self._latency, warn)
         self.get_logger().info(str(seen))  # after all checks
 
@@ -248,6 +248,10 @@ class EstimatorNode(runtime.ScenarioNode):
             self._changeover.when_compiled(found.pending)
 
         return apply
+
+    def _use_before_next(self, scenario: Scenario) -> None:
+        """Use a mounting before readings are fused: of several in a batch, all at once."""
+        self._fuser.before_next = partial(self._use, scenario)
 
     def _use(self, scenario: Scenario) -> None:
         """Continue with a sensor whose mounting is known now, or with what is compiled now."""
