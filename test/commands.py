@@ -13,7 +13,7 @@ def run_command(name, *arguments):
     """Return exit code, standard output and standard error of a program."""
     # as the executable does, but for the handlers of signals
     program = getattr(entry, name, None)
-    module = f'kalman_ros.programs.{program.args[-1]}' if program else f'tools.{name}.program'
+    module = program.args[-1] if program else f'tools.{name}.program'
     with (
         TemporaryFile('w+') as out,  # which has a descriptor, as the streams of a process have
         TemporaryFile('w+') as err,

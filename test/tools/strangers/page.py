@@ -16,10 +16,11 @@ users do: the executable, with its windows, gates and outcomes. Made by
 `./dev strangers --page docs/explanation/doctor_elsewhere.md`, after `--score` for each set.
 
 - *third*: twelve systems, three of them by MuJoCo, simulated by code that shares nothing with the
-  package: **this is the figure that counts.** After these results two rules were changed, and are
-  applied in this table: noise that is too large comes last, and before it what explains less than
-  5 % of the misfit; noise in common has to exceed what successive innovations have in common.
-  Found since, and not in this table: inches, and stamps that several readings share.
+  package. **The figure that counts is its first score, blind: 68 of 82 first (83 %), 73 among
+  three (89 %), wrong and sure 6 of 96.**
+  Changed since with its results in view, so that its share below flatters: the ranks of noise that
+  is too large and of what explains little, inches, stamps that several readings share, and which
+  offsets count as walks.
 - *real*: faults injected into six real recordings (a robot on wheels, a car, ranges of radio
   beacons, lidar and radar, a pendulum, an IMU in a hand), and these as they are. Two causes of
   false alarms in them were mended after a first score.
