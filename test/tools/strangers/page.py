@@ -19,7 +19,7 @@ users do: the executable, with its windows, gates and outcomes. Made by
   package. **The figure that counts is its first score, blind: 68 of 82 first (83 %), 73 among
   three (89 %), wrong and sure 6 of 96.**
   Changed since with its results in view, so that its share below flatters: the ranks of noise that
-  is too large and of what explains little, inches, stamps that several readings share, and which
+  is too large and of small causes, inches, stamps that several readings share, and which
   offsets count as walks.
 - *real*: faults injected into six real recordings (a robot on wheels, a car, ranges of radio
   beacons, lidar and radar, a pendulum, an IMU in a hand), and these as they are. Two causes of
