@@ -10,6 +10,7 @@ from rich.console import Console
 from thorough import thorough
 
 from kalman_ros.core import Space
+from kalman_ros.programs.sweep import pictures
 from kalman_ros.programs.sweep import program as sweep
 from kalman_ros.programs.sweep.grid import Point
 from kalman_ros.programs.sweep.ranges import Range, parsed
@@ -207,3 +208,16 @@ def test_a_sweep_without_a_point_is_interrupted(tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         sweep.main(['--over', 'input_cost=0.1..10:log:2', *FEW, '--out', str(tmp_path)])
     assert not (tmp_path / 'summary.json').exists()
+
+
+@pytest.mark.parametrize(
+    ('log', 'values', 'edges'),
+    [
+        (True, (0.1, 1.0, 100.0), [0.1 / 10**0.5, 10**-0.5, 10.0, 1000.0]),
+        (False, (0.0, 1.0, 3.0), [-0.5, 0.5, 2.0, 4.0]),
+        (False, (2.0,), [1.5, 2.5]),
+    ],
+)
+def test_a_cell_of_a_map_is_about_its_value(log, values, edges):
+    swept = Range('q', 'q', None, True, True, log, values)
+    np.testing.assert_allclose(pictures._edges(swept), edges)

@@ -30,7 +30,7 @@ _NAMES = {'ramp': 'drift', 'walk': 'random walk'}
 _AS_MUCH, _NEARLY = 0.005, 0.1
 #: Number of standard deviations up to which an offset is as declared.
 _DECLARED = 4.0
-#: Most readings of a pass for which the likelihood of a walk is exact, in seconds.
+#: Most readings of a pass for which the likelihood of a walk is exact: it takes some seconds.
 _LONGEST = 20_000
 #: Largest certainty of a walk, which has the shape of any slow cause without a name here.
 _SUREST = 0.8

@@ -71,7 +71,7 @@ def is_walk(times: Array, path: Array, predicted: Array) -> bool:
 
 
 class _Step(NamedTuple):
-    """What the way back needs of an event: the belief after it, and the step to the next one."""
+    """A belief after an event, and the linear step (F, Q) to the prediction of the next event."""
 
     mean: Array
     covariance: Array

@@ -34,7 +34,7 @@ _PROCESS_NOISE = (
 #: Standard deviations of an initial belief; robot_localization's is the root of 1e-9, and
 #: overwritten by the first measurement.
 _KNOWN, _UNKNOWN = 1e-9**0.5, 1.0
-#: That of a position, in m, which poses in a frame of the world give.
+#: Standard deviation, in m, of a first position that poses in a frame of the world will give.
 _ANYWHERE = 1e3
 _DEFAULT = 'the default of robot_localization in model_parameters'
 
