@@ -4,8 +4,11 @@
 import struct
 
 
-def message(*transforms):
-    """Return the bytes of transforms, each (parent, child, (x, y, z, qx, qy, qz, qw))."""
+def message(*transforms, time=0):
+    """Return the bytes of transforms, each (parent, child, (x, y, z, qx, qy, qz, qw)).
+
+    The stamps are all at ``time``, in nanoseconds.
+    """
     data = bytearray(struct.pack('<I', len(transforms)))
 
     def align(size):
@@ -13,7 +16,7 @@ def message(*transforms):
 
     for parent, child, numbers in transforms:
         align(4)
-        data.extend(bytes(8))
+        data.extend(struct.pack('<iI', *divmod(time, 1_000_000_000)))
         for name in (parent, child):
             align(4)
             text = name.encode() + b'\0'

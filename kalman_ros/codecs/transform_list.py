@@ -15,8 +15,12 @@ _START = 4
 
 
 class StampedTransform(NamedTuple):
-    """The place of a frame in its parent: translation in m, and a quaternion x, y, z, w."""
+    """The place of a frame in its parent: translation in m, and a quaternion x, y, z, w.
 
+    The time is in nanoseconds.
+    """
+
+    time: int
     parent: str
     child: str
     translation: tuple[float, ...]
@@ -38,13 +42,15 @@ def transforms_in(data: bytes) -> list[StampedTransform]:
             raise UndecodableError(f'{count} transforms')
         transforms, place = [], _START + 4
         for _ in range(count):
-            place = _aligned(place, 4) + 8  # the stamp
-            parent, place = _text(data, place, order)
+            place = _aligned(place, 4)
+            seconds, nanoseconds = struct.unpack_from(f'{order}iI', data, place)
+            parent, place = _text(data, place + 8, order)
             child, place = _text(data, place, order)
             place = _aligned(place, 8)
             numbers = struct.unpack_from(f'{order}7d', data, place)
             place += 56
-            transforms.append(StampedTransform(parent, child, numbers[:3], numbers[3:]))
+            time = seconds * 1_000_000_000 + nanoseconds
+            transforms.append(StampedTransform(time, parent, child, numbers[:3], numbers[3:]))
     except (struct.error, IndexError) as error:
         raise UndecodableError(f'{len(data)} bytes are no TFMessage') from error
     return transforms

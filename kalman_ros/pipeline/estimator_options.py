@@ -128,9 +128,9 @@ class EstimatorOptions:
         bool, About('pose and twist as Odometry on estimate/odometry', feature='tf')
     ] = False
     publish_tf: Annotated[bool, About('the pose as a transform on /tf', feature='tf')] = False
-    tf_odometry: Annotated[
+    odom_frame: Annotated[
         str,
-        About('topic of an odometry: the transform is to its frame (map to odom)', feature='tf'),
+        About('frame of child_frame on /tf: the transform is to it (map to odom)', feature='tf'),
     ] = ''
     tf_time_offset: Annotated[
         float, About('added to the stamps of transforms', 's', -60.0, 60.0, feature='tf')

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kalman_ros.codecs.transform_list import transforms_in
+from kalman_ros.codecs.transform_list import StampedTransform, transforms_in
 from kalman_ros.core import Array, is_finite
 from kalman_ros.core import rotations as so3
 
@@ -45,6 +45,14 @@ class Placement(NamedTuple):
 _HERE = Placement(np.zeros(3), np.zeros(3))
 
 
+def placement_of(transform: StampedTransform) -> Placement | None:
+    """Return the placement by a transform; None if it is not finite or not a rotation."""
+    place, q = np.array(transform.translation), np.array(transform.quaternion)
+    if not (is_finite(place) and is_finite(q) and q.any()):
+        return None
+    return Placement(place, so3.from_quaternion(q / np.abs(q).max()))
+
+
 class Frames:
     """The placements of frames in their parents by transforms, and so in each other."""
 
@@ -62,16 +70,13 @@ class Frames:
             If the bytes are not those of such a message.
         """
         for transform in transforms_in(data):
-            place, q = np.array(transform.translation), np.array(transform.quaternion)
+            placement = placement_of(transform)
             known = transform.child in self._parents or len(self._parents) < _MOST_FRAMES
-            with np.errstate(all='ignore'):
-                good = is_finite(place) and is_finite(q) and q.any()
-            if not good and len(self.refused) < _MOST_FRAMES:
+            if placement is None and len(self.refused) < _MOST_FRAMES:
                 self.refused.add(transform.child)
-            if known and good:
+            if known and placement is not None:
                 self.refused.discard(transform.child)
-                rotation = so3.from_quaternion(q / np.abs(q).max())
-                self._parents[transform.child] = transform.parent, Placement(place, rotation)
+                self._parents[transform.child] = transform.parent, placement
 
     def placement(self, frame: str, base: str) -> Placement | None:
         """Return the placement of ``frame`` in ``base``; None if no transforms connect them."""

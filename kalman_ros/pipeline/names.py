@@ -28,8 +28,8 @@ NAMES = {
     'estimator': (
         'arithmetic autostart child_frame datum_file fixed_lag frame future_tolerance '
         'gate_recover_after idle_input implementation initialize input_timeout learn_layouts '
-        'lockstep max_gap max_message_size publish_fix publish_odometry publish_rate publish_tf '
-        'realtime_priority rest_until_input restart_after tf_odometry tf_time_offset tf_timeout '
+        'lockstep max_gap max_message_size odom_frame publish_fix publish_odometry publish_rate '
+        'publish_tf realtime_priority rest_until_input restart_after tf_time_offset tf_timeout '
         'window'
     ),
     'controller': (

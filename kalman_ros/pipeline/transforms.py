@@ -3,66 +3,21 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
-from collections import deque
 from typing import Any
 
 import numpy as np
 
 from kalman_ros.codecs.messages import message_type, write_stamp
-from kalman_ros.codecs.signal_codec import SignalCodec
-from kalman_ros.codecs.wire import WireReader
-from kalman_ros.core import Array, Signal, is_finite
+from kalman_ros.core import Array, is_finite
 from kalman_ros.core import rotations as so3
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.body_roles import body_of
 
 from .estimator_options import EstimatorOptions
 from .frames import Placement
+from .pose_history import FrameHistory
 
 TYPE = 'tf2_msgs/TFMessage'
-_ODOMETRY = 'nav_msgs/Odometry'
-_POSE = (
-    *(f'pose.pose.position.{axis}' for axis in 'xyz'),
-    *(f'pose.pose.orientation.{number}' for number in ('rx', 'ry', 'rz')),
-)
-#: Largest number of poses of an odometry that are kept.
-_MOST = 1000
-
-
-class PoseHistory:
-    """The last poses of an odometry, in the order of their stamps."""
-
-    def __init__(self) -> None:
-        self._times: deque[int] = deque(maxlen=_MOST)
-        self._poses: deque[Placement] = deque(maxlen=_MOST)
-
-    def add(self, time: int, pose: Placement) -> None:
-        """Add a pose at ``time``, in nanoseconds; a clock that goes back empties the history."""
-        if self._times and time < self._times[-1]:
-            self._times.clear()
-            self._poses.clear()
-        self._times.append(time)
-        self._poses.append(pose)
-
-    def at(self, time: int, tolerance: float) -> Placement | None:
-        """Return the pose at ``time``, interpolated between two poses.
-
-        Beyond the ends it is the pose at the end, if no further away than ``tolerance`` seconds.
-        """
-        if not self._times:
-            return None
-        index = bisect_left(self._times, time)
-        if index == len(self._times) or index == 0:
-            nearest = min(index, len(self._times) - 1)
-            near = abs(self._times[nearest] - time) <= tolerance * 1e9
-            return self._poses[nearest] if near else None
-        before, after = self._poses[index - 1], self._poses[index]
-        start, end = self._times[index - 1], self._times[index]
-        share = (time - start) / (end - start)
-        turn = so3.compose(after.rotation, -before.rotation)
-        place = before.translation + share * (after.translation - before.translation)
-        return Placement(place, so3.compose(share * turn, before.rotation))
 
 
 def check_frame(argument: str, name: str) -> None:
@@ -78,6 +33,11 @@ def check_frames(options: EstimatorOptions) -> None:
         check_frame(argument, getattr(options, argument))
     if options.frame == options.child_frame:
         raise ValueError(f"child_frame: expected another than frame, got '{options.frame}'")
+    if options.odom_frame:
+        check_frame('odom_frame', options.odom_frame)
+        if options.odom_frame in (options.frame, options.child_frame):
+            expected = f'expected another than frame and child_frame, got {options.odom_frame!r}'
+            raise ValueError(f'odom_frame: {expected}')
 
 
 def why_none() -> str:
@@ -92,8 +52,8 @@ def why_none() -> str:
 class TransformWriter:
     """Writer of the pose of an estimate as a ``tf2_msgs/TFMessage``.
 
-    Without ``tf_odometry`` it writes the transform from ``frame`` to ``child_frame``; with it, the
-    transform from ``frame`` to the frame of that odometry, which sees the same body (REP-105).
+    Without ``odom_frame`` it writes the transform from ``frame`` to ``child_frame``; with it, the
+    transform from ``frame`` to that frame, in which others place ``child_frame`` (REP-105).
 
     Parameters
     ----------
@@ -116,48 +76,24 @@ class TransformWriter:
             names = ', '.join(scenario.model.state.names)
             raise ValueError(f'publish_tf: expected states x, y and a heading, got {names}')
         self._options = options
-        self._child = '' if options.tf_odometry else options.child_frame
-        self._history = PoseHistory()
-        self._read = WireReader(SignalCodec(Signal(options.tf_odometry, _ODOMETRY, _POSE)))
-        self.odometry_type = self._read.message_type
+        self.child = options.odom_frame or options.child_frame
+        #: The body in the frame between, by the transforms of others.
+        self.history = FrameHistory(self.child, options.child_frame)
         self.message = self.message_type()
         transform = message_type('geometry_msgs/TransformStamped')()
-        transform.header.frame_id, transform.child_frame_id = options.frame, self._child
+        transform.header.frame_id, transform.child_frame_id = options.frame, self.child
         self.message.transforms = [transform]
-
-    @property
-    def child(self) -> str:
-        """Frame whose parent is ``frame``; '' before the first odometry."""
-        return self._child
-
-    def on_odometry(self, data: bytes, frame: str, child: str) -> str:
-        """Take a message of the odometry with its frames; return the reason if it is not used.
-
-        Raises
-        ------
-        UndecodableError
-            If the bytes are not those of such a message.
-        """
-        if child != self._options.child_frame:
-            return f"expected child_frame_id '{self._options.child_frame}', got '{child}'"
-        if not frame or frame in (self._options.frame, child):
-            return f"expected a frame between those of the estimate, got '{frame}'"
-        time, values, _ = self._read(data)
-        if time is None or not is_finite(values):
-            return 'expected finite numbers'
-        self._child = self.message.transforms[0].child_frame_id = frame
-        self._history.add(time, Placement(values[:3], values[3:]))
-        return ''
 
     def __call__(self, time: int, x: Array) -> Any:
         """Return the message for a state (n,) at ``time``, in nanoseconds.
 
-        It is None without an odometry near that time, or where it would not be finite.
+        It is None without the transform of another node near that time, or where it would not be
+        finite.
         """
         body, options = self._body, self._options
         pose = Placement(np.array([body.value(x, axis) for axis in 'xyz']), body.attitude(x))
-        if options.tf_odometry:
-            other = self._history.at(time, options.tf_timeout)
+        if options.odom_frame:
+            other = self.history.at(time, options.tf_timeout)
             if other is None:
                 return None
             # both are of the same body: that of one frame in the other one

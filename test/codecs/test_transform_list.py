@@ -19,10 +19,11 @@ from kalman_ros.codecs.transform_list import transforms_in
 @pytest.mark.parametrize('names', [('a', 'b'), ('base_link', 'imu'), ('x' * 5, '/y' * 9)])
 def test_transforms_are_those_of_the_message(names):
     numbers = [0.1, -0.2, 0.3, 0.0, 0.6, 0.0, 0.8]
-    data = message(*[(*names, numbers), ('odd', 'names_', numbers[::-1])])
+    data = message(*[(*names, numbers), ('odd', 'names_', numbers[::-1])], time=3_000_000_007)
     first, second = transforms_in(data)
-    assert first == (names[0], names[1].lstrip('/'), tuple(numbers[:3]), tuple(numbers[3:]))
-    assert second[2:] == (tuple(numbers[::-1][:3]), tuple(numbers[::-1][3:]))
+    assert first[:3] == (3_000_000_007, names[0], names[1].lstrip('/'))
+    assert first[3:] == (tuple(numbers[:3]), tuple(numbers[3:]))
+    assert second[3:] == (tuple(numbers[::-1][:3]), tuple(numbers[::-1][3:]))
 
 
 def test_the_bytes_are_those_of_the_middleware():

@@ -9,12 +9,8 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from geometry_msgs.msg import TransformStamped
-from nav_msgs.msg import Odometry
-from rclpy.serialization import serialize_message
 from static_frames import message
 
-from kalman_ros.codecs.messages import STAMP, split, write_stamp
 from kalman_ros.core import Gaussian
 from kalman_ros.nodes.estimator import transform_publisher
 from kalman_ros.nodes.estimator.transform_publisher import TransformPublisher
@@ -41,7 +37,7 @@ class Node:
     def __init__(self):
         self.sent, self.said, self.now = [], [], NOW
         self.subscriptions, self.endpoints = {}, []
-        self.intake = lambda topic, read, data: data if isinstance(data, TFMessage) else read(data)
+        self.intake = lambda topic, read, data: read(data)
 
     def create_publisher(self, kind, topic, queue):
         assert topic == '/tf'
@@ -88,21 +84,8 @@ def built(**changes):
     return node, publisher, belief._replace(mean=x)
 
 
-def transform(parent, child):
-    message, found = TFMessage(), TransformStamped()
-    found.header.frame_id, found.child_frame_id = parent, child
-    message.transforms.append(found)
-    return message
-
-
-def odometry(time, x, y, yaw, frame='odom', child='base_link'):
-    message = Odometry()
-    write_stamp(message.header.stamp, time)
-    message.header.frame_id, message.child_frame_id = frame, child
-    pose = message.pose.pose
-    pose.position.x, pose.position.y = x, y
-    pose.orientation.z, pose.orientation.w = np.sin(yaw / 2), np.cos(yaw / 2)
-    return bytes(serialize_message(message))
+def transform(parent, child, *numbers, time=0):
+    return message((parent, child, numbers or (0.0,) * 6 + (1.0,)), time=time)
 
 
 def test_the_pose_is_the_transform_from_frame_to_child_frame():
@@ -158,26 +141,38 @@ def test_a_second_parent_ends_it_until_that_is_gone():
     assert len(node.sent) == 2 and 'a loop' in publish.refusal
 
 
-def test_with_an_odometry_it_is_the_transform_to_its_frame():
-    node, publish, belief = built(frame='map', tf_odometry='odometry/local')
+def test_with_a_frame_between_it_is_the_transform_to_that():
+    node, publish, belief = built(frame='map', odom_frame='odom')
     publish(NOW, belief, NOW)
-    assert not node.sent and 'no odometry on odometry/local' in publish.refusal
-    take = node.subscriptions['odometry/local']
-    take(odometry(NOW, 1.0, 0.0, np.pi / 2))
+    assert not node.sent
+    wanted = "no transform 'odom' to 'base_link' near the time of the estimate"
+    assert publish.refusal == wanted
+    assert publish.report(Level.OK, 'consistent', {})[1] == f'no transform: {wanted}'
+    take, pose = node.subscriptions['/tf'], (1.0, 0.0, 0.0, 0.0, 0.0, 0.5**0.5, 0.5**0.5)
+    take(transform('odom', 'base_link', *pose, time=NOW))
     publish(NOW, belief, NOW)
     ((frames, _, to, q),) = node.sent
     assert frames == ('map', 'odom')
     np.testing.assert_allclose((*to, *q), (0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 1.0), atol=1e-12)
-    for wrong, why in (
-        (odometry(NOW, 0.0, 0.0, 0.0, child='laser'), "child_frame_id 'base_link', got 'laser'"),
-        (odometry(NOW, 0.0, 0.0, 0.0, frame='map'), "got 'map'"),
-        (odometry(NOW, np.nan, 0.0, 0.0), 'expected finite numbers'),
-    ):
-        take(wrong)
-        assert why in node.said[-1]
     publish(NOW + SECOND // 2, belief, NOW + SECOND // 2)
     publish(NOW + 2 * SECOND, belief, NOW + 2 * SECOND)
-    assert len(node.sent) == 2 and 'no odometry near' in publish.refusal
+    assert len(node.sent) == 2 and publish.refusal == wanted
+    # it follows each message, also of many within a moment
+    for k in range(10):
+        moved = (float(k), *pose[1:])
+        take(transform('odom', 'base_link', *moved, time=NOW + 2 * SECOND + k))
+    publish(NOW + 2 * SECOND + 9, belief, NOW + 2 * SECOND)
+    # the map turns against the odometry by nothing, so the places differ as the bodies do
+    np.testing.assert_allclose(node.sent[-1][2], (1.0 - 9.0, 2.0, 0.0), atol=1e-12)
+
+
+def test_the_frame_between_may_be_placed_by_static_transforms():
+    node, publish, belief = built(frame='map', odom_frame='odom')
+    node.subscriptions['/tf_static'](
+        message(('odom', 'base_link', (1.0, 2.0, 0.0, 0.0, 0.0, 0.5**0.5, 0.5**0.5)))
+    )
+    publish(NOW, belief, NOW)
+    np.testing.assert_allclose(node.sent[0][2], 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -186,6 +181,9 @@ def test_with_an_odometry_it_is_the_transform_to_its_frame():
         ({'child_frame': '/base_link'}, 'child_frame: expected a frame without a leading slash'),
         ({'frame': ''}, "frame: expected a frame without a leading slash for publish_tf, got ''"),
         ({'child_frame': 'odom'}, "child_frame: expected another than frame, got 'odom'"),
+        ({'odom_frame': '/odom'}, 'odom_frame: expected a frame without a leading slash'),
+        ({'odom_frame': 'odom'}, 'odom_frame: expected another than frame and child_frame, got'),
+        ({'odom_frame': 'base_link'}, 'odom_frame: expected another than frame and child_fra'),
         ({'model': 'mass_spring_damper'}, 'publish_tf: expected states x, y and a heading'),
     ],
 )
@@ -207,8 +205,7 @@ def test_without_tf2_msgs_one_line_says_so(monkeypatch):
 
 def serialised(time, parent='odom', child='base_link', count=1):
     """Return the bytes of a message of transforms at a time, as on /tf."""
-    data = message(*[(parent, child, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))] * count)
-    return data[:8] + STAMP.pack(*split(time)) + data[16:]
+    return message(*[(parent, child, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))] * count, time=time)
 
 
 def test_another_publisher_of_the_same_transform_is_named():

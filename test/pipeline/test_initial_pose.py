@@ -163,7 +163,7 @@ def test_a_pose_in_another_frame_is_transformed_with_its_covariance():
     np.testing.assert_allclose(
         belief.covariance[np.ix_(indices, indices)], np.diag([0.1, 0.5, 0.0685]), atol=1e-12
     )
-    # the odometry as a child of the map, as an estimator with tf_odometry publishes it
+    # the odometry as a child of the map, as an estimator with odom_frame publishes it
     inverse = (-20.0, 10.0, 0.0, 0.0, 0.0, -(0.5**0.5), 0.5**0.5)
     other = PoseReader(found, 'odom')(data, found.initial_belief, frames(('map', 'odom', inverse)))
     np.testing.assert_allclose(other.mean, belief.mean, rtol=1e-12)

@@ -10,7 +10,7 @@ pytest.importorskip('rclpy')
 from kalman_ros.pipeline.frames import Placement
 from kalman_ros.pipeline.odometry_topic import OdometryTopic
 from kalman_ros.pipeline.settings import settings
-from kalman_ros.pipeline.transforms import PoseHistory, TransformTree, check_frame
+from kalman_ros.pipeline.transforms import TransformTree, check_frame
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import from_file
 
@@ -29,26 +29,6 @@ def test_one_body_in_two_frames_gives_the_transform_between_them():
     in_map, in_odom = (Placement(rng.normal(size=3), rng.normal(size=3)) for _ in range(2))
     expected = matrix(in_map) @ np.linalg.inv(matrix(in_odom))
     np.testing.assert_allclose(matrix(in_map.then(in_odom.inverse())), expected, atol=1e-12)
-
-
-def test_an_odometry_is_interpolated_between_its_stamps():
-    history = PoseHistory()
-    assert history.at(0, 1.0) is None
-    for k in range(3):
-        turn = np.array([0.0, 0.0, 3.0 + 0.2 * k])
-        history.add(k * SECOND, Placement(np.array([k, 0.0, 0.0]), turn))
-    middle = history.at(SECOND // 2, 0.1)
-    np.testing.assert_allclose(middle.translation, [0.5, 0.0, 0.0])
-    turned = Rotation.from_rotvec(middle.rotation).as_euler('xyz')[2]
-    assert turned == pytest.approx(3.1)
-    # a quarter of the way from the second to the third
-    assert history.at(5 * SECOND // 4, 0.1).translation == pytest.approx([1.25, 0.0, 0.0])
-    assert history.at(-(10**8), 0.1).translation[0] == 0.0
-    assert history.at(-2 * 10**8, 0.1) is None
-    assert history.at(2 * SECOND + 10**8, 0.1).translation[0] == 2.0
-    assert history.at(2 * SECOND + 2 * 10**8, 0.1) is None
-    history.add(0, Placement(np.zeros(3), np.zeros(3)))  # the clock went back
-    assert history.at(2 * SECOND, 0.1) is None
 
 
 def test_a_second_parent_and_a_loop_are_refused():

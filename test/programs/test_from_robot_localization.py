@@ -314,9 +314,9 @@ def test_fixes_are_read_without_navsat_transform(tmp_path):
     local, everywhere, navigation = translated(their_nodes(file))
     assert everywhere.values['odom1_fix.fields'] == ['east', 'north']
     assert everywhere.values['datum'] == [49.9, 8.7, 0.0]
-    assert everywhere.values['tf_odometry'] == 'ekf_local/estimate/odometry'
+    assert everywhere.values['odom_frame'] == 'odom'
     assert (local.values['frame'], everywhere.values['frame']) == ('odom', 'map')
-    assert 'tf_odometry' not in local.values
+    assert 'odom_frame' not in local.values
     file.write_text(file.read_text().partition('navsat_transform')[0])
     _, alone = translated(their_nodes(file))
     assert alone.values['odom1_position.topic'] == 'odometry/gps'
@@ -684,12 +684,17 @@ def test_fixes_are_positions_whatever_the_odometry_was(tmp_path, word):
     assert not rows[f'odom1_{word}'].carried and not rows['odom1_config'].carried
 
 
-def test_a_filter_that_reads_another_ones_odometry_does_not_take_its_topic(tmp_path):
-    flags = config('vx')
-    file = theirs(tmp_path, 'odom0: odom', f'odom0_config: {flags}', 'world_frame: map')
-    main([str(file), '--out', str(tmp_path / 'ours.yaml')])
-    text = (tmp_path / 'ours.yaml').read_text()
-    assert "tf_odometry: 'odometry/filtered'" in text and ' -r ' not in text
+def test_a_filter_in_a_map_places_the_frame_of_the_odometry(tmp_path):
+    """Theirs finds the body in that frame on /tf, whoever publishes it."""
+    lines = ('odom0: odom', f'odom0_config: {config("vx")}', 'world_frame: map')
+    for frame in ('odom', 'wheels'):
+        file = theirs(tmp_path, *lines, f'odom_frame: /{frame}')
+        main([str(file), '--out', str(tmp_path / 'ours.yaml')])
+        text = (tmp_path / 'ours.yaml').read_text()
+        assert f"    odom_frame: '{frame}'" in text
+    off = theirs(tmp_path, *lines, 'publish_tf: false')
+    main([str(off), '--out', str(tmp_path / 'ours.yaml')])
+    assert '    odom_frame' not in (tmp_path / 'ours.yaml').read_text()
 
 
 @pytest.mark.parametrize(
@@ -698,17 +703,14 @@ def test_a_filter_that_reads_another_ones_odometry_does_not_take_its_topic(tmp_p
         (
             ['map', 'odom'],
             [
-                {
-                    'a/estimate/odometry': 'odometry/global',
-                    'b/estimate/odometry': 'odometry/local',
-                },
+                {'a/estimate/odometry': 'odometry/global'},
                 {'b/estimate/odometry': 'odometry/local'},
             ],
         ),
         (['odom', 'odom'], [{}, {}]),
         (['map', 'map'], [{}, {}]),
         (['odom'], [{'estimate/odometry': 'odometry/filtered'}]),
-        (['map'], [{}]),
+        (['map'], [{'estimate/odometry': 'odometry/filtered'}]),
     ],
 )
 def test_two_filters_are_remapped_as_in_the_example_of_robot_localization(

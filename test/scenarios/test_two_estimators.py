@@ -43,7 +43,7 @@ ROBOT = """\
                fields: [pose.pose.position.x, pose.pose.position.y]}
     frame: map
     state: {topic: global/estimate}
-    tf_odometry: estimate/odometry
+    odom_frame: odom
     initial_estimate: [20.0, 10.0, 1.57, 0.0, 0.0, 0.0, 0.0, 0.0]
 """
 SPEED, TURN = 1.0, 0.3

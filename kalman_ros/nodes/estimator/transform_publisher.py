@@ -9,12 +9,13 @@ from collections.abc import Mapping
 from time import monotonic
 from typing import Any
 
-from kalman_ros.codecs.messages import STAMP, UndecodableError, decode, frame_and_end
+from kalman_ros.codecs.messages import STAMP, frame_and_end
+from kalman_ros.codecs.transform_list import transforms_in
 from kalman_ros.core import Gaussian
 from kalman_ros.nodes.middleware.connections import other_publishers
 from kalman_ros.nodes.middleware.diagnostics import Level, Report
 from kalman_ros.nodes.middleware.host import Host
-from kalman_ros.nodes.middleware.topics import QUEUE, STATIC, TRANSFORMS
+from kalman_ros.nodes.middleware.topics import STATIC, TRANSFORMS
 from kalman_ros.pipeline.estimator_options import EstimatorOptions
 from kalman_ros.pipeline.frames import STATIC as TF_STATIC
 from kalman_ros.pipeline.frames import TF
@@ -70,21 +71,18 @@ class TransformPublisher:
         self.refusal = ''
 
     def subscribe(self) -> None:
-        """Subscribe to the transforms of others, and to the odometry."""
+        """Subscribe to the transforms of others."""
         node, kind = self._node, self._write.message_type
         node.create_subscription(kind, TF, self._on_tf, TRANSFORMS, raw=True)
         node.create_subscription(kind, TF_STATIC, self._on_static, STATIC, raw=True)
-        topic = self._options.tf_odometry
-        if topic:
-            kind = self._write.odometry_type
-            node.create_subscription(kind, topic, self._on_odometry, QUEUE, raw=True)
 
     def __call__(self, time: int, belief: Gaussian, fused_at: int | None) -> None:
         """Publish the transform of a ``belief`` at ``time``; the last reading was ``fused_at``."""
         self.refusal = self._refusal(time, fused_at)
         message = None if self.refusal else self._write(time, belief.mean)
         if message is None:
-            self.refusal = self.refusal or 'no odometry near the time of the estimate'
+            frames = f"'{self._options.odom_frame}' to '{self._options.child_frame}'"
+            self.refusal = self.refusal or f'no transform {frames} near the time of the estimate'
             self._warn(f'no transform: {self.refusal}')
             return
         stamp = message.transforms[0].header.stamp
@@ -135,8 +133,6 @@ class TransformPublisher:
         age = (newest - fused_at) * 1e-9
         if age > timeout:
             return f'the last reading is {age:.1f} s old, tf_timeout is {timeout:g} s'
-        if not self._write.child:
-            return f'no odometry on {self._options.tf_odometry}'
         return self._tree.refusal(self._options.frame, self._write.child, now)
 
     def _on_tf(self, data: bytes) -> None:
@@ -145,7 +141,7 @@ class TransformPublisher:
             return
         now = self._now()
         due = self._due.get(len(data), now)
-        if not 0 < due - now <= _SAMPLED:
+        if self._options.odom_frame or not 0 < due - now <= _SAMPLED:
             if len(self._due) > _MOST_LENGTHS:
                 self._due.clear()
             self._due[len(data)] = now + _SAMPLED
@@ -155,13 +151,14 @@ class TransformPublisher:
         self._take(data, static=True)
 
     def _take(self, data: bytes, *, static: bool) -> None:
-        topic = TF_STATIC if static else TF
-        message = self._node.intake(topic, self._decoded, data)
+        transforms = self._node.intake(TF_STATIC if static else TF, transforms_in, data) or []
         own = self._options.frame, self._write.child
-        for each in () if message is None else message.transforms:
-            pair = each.header.frame_id.lstrip('/'), each.child_frame_id.lstrip('/')
+        for each in transforms:
+            pair = each.parent, each.child
             if static or pair != own:
                 self._tree.add(*pair, self._now(), static=static)
+        if self._options.odom_frame:
+            self._write.history.add(transforms, static=static)
 
     def _is_own(self, data: bytes) -> bool:
         """Return whether a message has nothing but the transform that is published here."""
@@ -173,18 +170,3 @@ class TransformPublisher:
         except struct.error:
             return False
         return found == (self._options.frame, self._write.child)
-
-    def _decoded(self, data: bytes) -> Any:
-        return decode(data, self._write.message_type)
-
-    def _on_odometry(self, data: bytes) -> None:
-        self._node.intake(self._options.tf_odometry, self._odometry, data)
-
-    def _odometry(self, data: bytes) -> None:
-        try:
-            frame, child = (frame_and_end(data, of_child=each)[0] for each in (False, True))
-            why = self._write.on_odometry(data, frame, child)
-        except (LookupError, ValueError, struct.error) as error:
-            raise UndecodableError(str(error)) from None
-        if why:
-            self._warn(f'{self._options.tf_odometry}: {why}')

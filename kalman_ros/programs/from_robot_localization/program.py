@@ -106,6 +106,7 @@ _SOURCES = {
     'window': ('history_length',),
     'tf_time_offset': ('transform_time_offset',),
     'frame': ('world_frame', 'odom_frame', 'map_frame'),
+    'odom_frame': ('odom_frame',),
     'child_frame': ('base_link_frame',),
     'input_timeout': ('control_timeout',),
     'initial_estimate': ('initial_state',),

@@ -114,8 +114,6 @@ def _translated(nodes: Sequence[TheirNode]) -> list[Translation]:
     navigation = next((node for node in nodes if node.navigates), None)
     filters = [node for node in nodes if node.filters]
     several = len(filters) > 1
-    # the filter in the frame of the odometry comes first, so that the other can name its topic
-    local = next((node for node in filters if not _is_global(node)), None)
     translations = []
     for node in filters:
         values = _filter(node, navigation)
@@ -123,9 +121,7 @@ def _translated(nodes: Sequence[TheirNode]) -> list[Translation]:
         if several:
             values['state.topic'] = f'{node.name}/estimate'
         if values['publish_tf'] and _is_global(node):
-            topic = f'{local.name}/estimate/odometry' if several and local else ODOMETRY
-            values['tf_odometry'] = topic
-            node.add('tf_odometry', f'{topic}: theirs reads the other transform on /tf instead')
+            values['odom_frame'] = node.value('odom_frame', 'odom').lstrip('/')
         for name in node.unaccounted:
             node.note(name, 'unknown to this program', carried=False)
         translations.append(Translation(node, values))
@@ -145,13 +141,11 @@ def _name_topics(filters: Sequence[Translation]) -> None:
     """Add the remaps to their topics.
 
     Of two they are those of the launch file of their example: one in the frame of the odometry,
-    and one in that of a map, which may read the odometry of the first. One that reads the odometry
-    of another file's has none.
+    and one in that of a map.
     """
     if len(filters) == 1:
         (alone,) = filters
-        if 'tf_odometry' not in alone.values:
-            alone.remaps[alone.odometry] = ODOMETRY
+        alone.remaps[alone.odometry] = ODOMETRY
         return
     kinds = [_is_global(each.node) for each in filters]
     if sorted(kinds) != [False, True]:
@@ -159,8 +153,6 @@ def _name_topics(filters: Sequence[Translation]) -> None:
     other, local = filters[kinds.index(True)], filters[kinds.index(False)]
     local.remaps[local.odometry] = LOCAL
     other.remaps[other.odometry] = GLOBAL
-    if 'tf_odometry' in other.values:
-        other.remaps[local.odometry] = LOCAL
 
 
 def _is_global(node: TheirNode) -> bool:
@@ -241,8 +233,8 @@ def _frames(node: TheirNode, parameters: dict[str, Any]) -> None:
     node.note('publish_tf', 'publish_tf')
     node.note('base_link_frame', 'child_frame')
     node.note('world_frame', 'frame')
-    for name in ('map_frame', 'odom_frame'):
-        node.note(name, 'frame, where it is world_frame')
+    node.note('map_frame', 'frame, where it is world_frame')
+    node.note('odom_frame', 'odom_frame, or frame where it is world_frame')
 
 
 def _commands(node: TheirNode, parameters: dict[str, Any], *, planar: bool) -> None:
