@@ -640,6 +640,36 @@ def test_an_unscented_filter_remains_one(tmp_path):
     settings(values).estimator()
 
 
+def test_a_filter_and_the_converter_of_fixes_under_one_wildcard(tmp_path):
+    """Parameters that stand under /** are those of either node that knows them."""
+    lines = ['odom0: odometry/gps', f'odom0_config: {config("x", "y")}', 'yaw_offset: 0.5']
+    lines += ['imu0: imu', f'imu0_config: {config("yaw")}', 'zero_altitude: true']
+    file = tmp_path / 'theirs.yaml'
+    file.write_text('\n'.join(['/**:', '  ros__parameters:', *(f'    {line}' for line in lines)]))
+    alone, converter = translated(their_nodes(file))
+    assert alone.values['odom0_fix.topic'] == 'gps/fix'
+    assert alone.values['imu0_orientation.mount.heading'] == 0.5
+    assert {row.name for row in converter.rows} == {'yaw_offset', 'zero_altitude'}
+    assert all(row.carried for row in converter.rows)
+    # beside a converter that has a name, which has them alone
+    file.write_text(f'{file.read_text()}\nnavsat:\n  ros__parameters: {{delay: 1.0}}\n')
+    found = translated(their_nodes(file))
+    assert [each.name for each in found if not each.values] == ['navsat']
+    assert not any(row.what.startswith('unknown') for each in found for row in each.rows)
+
+
+def test_a_converter_whose_output_no_filter_reads(tmp_path):
+    lines = f'{{odom0: gps/position, odom0_config: {config("x", "y")}}}'
+    file = tmp_path / 'theirs.yaml'
+    file.write_text(
+        f'ekf:\n  ros__parameters: {lines}\nnavsat:\n  ros__parameters: {{yaw_offset: 1.5}}\n'
+    )
+    _, converter = translated(their_nodes(file))
+    (row,) = converter.rows
+    wanted = 'not used: no filter in this file reads odometry/gps; where a remap leads to it, '
+    assert not row.carried and row.what.startswith(wanted)
+
+
 def test_a_wildcard_has_the_name_of_the_file(tmp_path, capsys):
     file = tmp_path / 'theirs.yaml'
     ekf = f'{{ros__parameters: {{odom0: odom, odom0_config: {config("vx")}}}}}'

@@ -207,7 +207,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     for translation in translations:
         carried = [row for row in translation.rows if row.carried]
         left = [row for row in translation.rows if not row.carried]
-        console.print(_table(f'{translation.title}: carried over, or not needed', carried))
+        if carried:
+            console.print(_table(f'{translation.title}: carried over, or not needed', carried))
         if left:
             console.print(_table(f'{translation.title}: NOT carried over', left))
         console.print()

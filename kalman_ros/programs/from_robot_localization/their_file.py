@@ -14,9 +14,13 @@ from kalman_ros.core import About, Option
 from kalman_ros.scenario.parameter_files import Lined, with_lines
 
 SENSOR = re.compile(r'(odom|pose|twist|imu)([0-9]+)')
+#: The node that converts satellite fixes, and the parameters that it alone has.
+_NAVSAT_NODE = 'navsat_transform'
 _NAVSAT = {
     'datum', 'magnetic_declination_radians', 'yaw_offset', 'zero_altitude', 'wait_for_datum',
     'use_odometry_yaw', 'broadcast_utm_transform', 'broadcast_cartesian_transform',
+    'broadcast_utm_transform_as_parent_frame', 'broadcast_cartesian_transform_as_parent_frame',
+    'publish_filtered_gps', 'use_local_cartesian', 'delay',
 }  # fmt: skip
 
 
@@ -148,7 +152,25 @@ def their_nodes(path: Path) -> list[TheirNode]:
             for wildcard in shared:
                 if f'{node.namespace}/'.startswith(f'{wildcard.namespace}/'.lstrip('/')):
                     node.values = _merged(wildcard.values, node.values)
+    converters = {node.namespace: node for node in nodes if node.navigates}
+    for node in [node for node in nodes if node.filters and _NAVSAT & {*node.values}]:
+        converter = _split(node)
+        if node.namespace not in converters:
+            converters[node.namespace] = converter
+            nodes.append(converter)
     return nodes
+
+
+def _split(node: TheirNode) -> TheirNode:
+    """Return the converter of fixes whose parameters stand among those of a filter, as under /**.
+
+    The filter has them no longer.
+    """
+    given, node.values = node.values, {}
+    found = TheirNode(_NAVSAT_NODE, node.namespace, {})
+    for name, value in given.items():
+        (found if name in _NAVSAT else node).values[name] = value
+    return found
 
 
 def in_ros(part: str) -> str:

@@ -52,6 +52,7 @@ _CONTROL_TIMEOUT = 0.2
 #: Rates in Hz of satellite receivers and of other sensors, as most have them.
 _FIXES, _READINGS = 5.0, 50.0
 _GPS = 'odometry/gps'
+_UNREAD = f'not used: no filter in this file reads {_GPS}; where a remap leads to it, write that'
 _NO_NAVIGATION = (
     'it takes navsat_transform, whose parameters are not in this file: append them, and the fixes '
     'are read without it'
@@ -130,7 +131,10 @@ def _translated(nodes: Sequence[TheirNode]) -> list[Translation]:
     _name_topics(translations)
     for node in nodes:
         if not node.filters:
-            outcome = 'unknown to this program' if node.navigates else 'of no filter'
+            read = any(
+                name.endswith('_fix.topic') for each in translations for name in each.values
+            )
+            outcome = 'unknown to this program' if node.navigates and read else _UNREAD
             for name in node.unaccounted:
                 node.note(name, outcome, carried=False)
             translations.append(Translation(node, {}))
