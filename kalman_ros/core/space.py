@@ -244,13 +244,13 @@ class Space:
         return self._congruent(P, d, so3.inverse_left_jacobian) if self._turned else P
 
     def slope_from_afar(self, d: Array) -> Array:
-        """Return J (n, n), the slope of differences from the origin by those from ``d`` (n,).
+        """Return J (..., n, n), the slope of differences from the origin by those from ``d``.
 
         `from_afar` transports a covariance with it.
         """
-        J = np.eye(self.size)
+        J: Array = np.broadcast_to(np.eye(self.size), (*d.shape, self.size)).copy()
         for place in self._turned:
-            J[place, place] = so3.inverse_left_jacobian(d[place])
+            J[..., place, place] = so3.inverse_left_jacobian(d[..., place])
         return J
 
     def _congruent(self, P: Array, d: Array, jacobian: Callable[[Array], Array]) -> Array:

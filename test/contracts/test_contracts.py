@@ -293,7 +293,7 @@ def drawn(name):
 
 
 RUNS = 200
-LIKE_EKF = ('square_root', 'gaussian_sum')
+LIKE_EKF = ('square_root', 'gaussian_sum', 'iterated_ekf')
 #: The quick tests have the model that the linear filters serve, too, and that is no scalar.
 MARKED = [
     pytest.param(
