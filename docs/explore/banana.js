@@ -28,8 +28,8 @@ export const banana = {
     {
       title: 'what the sensor reads: range and bearing', x: [-30, 210], y: [0, 2], across: 'bearing in degrees', up: 'range in m',
       handles: [
-        { label: 'noise of the bearing, 2σ', at: ({ bearing }) => [90 + 2 * bearing / DEGREE, 1], move: ([angle]) => ({ bearing: Math.abs(angle - 90) * DEGREE / 2 }), text: ({ bearing }) => `σ ${number(bearing / DEGREE)} degrees` },
-        { label: 'noise of the range, 2σ', at: ({ range }) => [90, 1 + 2 * range], move: ([, r]) => ({ range: Math.abs(r - 1) / 2 }), text: ({ range }) => `σ ${number(range)} m` },
+        { label: 'noise of the bearing, 2σ', at: ({ bearing }) => [90 + 2 * bearing / DEGREE, 1], move: ([angle]) => ({ bearing: (angle - 90) * DEGREE / 2 }), text: ({ bearing }) => `σ ${number(bearing / DEGREE)} degrees` },
+        { label: 'noise of the range, 2σ', at: ({ range }) => [90, 1 + 2 * range], move: ([, r]) => ({ range: (r - 1) / 2 }), text: ({ range }) => `σ ${number(range)} m` },
       ],
       draw(plot, { range, bearing }, { cloud, points }) {
         for (const [r, angle] of cloud) plot.point(angle / DEGREE, r, 'reading', 1.3);

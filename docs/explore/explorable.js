@@ -51,8 +51,9 @@ class Plot {
       : labelled(low, high, count, ''));
     pen.fillStyle = colour('soft');
     stroke(pen, 'line', 1);
-    pen.textAlign = 'center'; pen.textBaseline = 'top';
+    pen.textBaseline = 'top';
     for (const [value, text] of marks(x0, x1, 'x', Math.max(3, (right - left) / 70))) {
+      pen.textAlign = X(value) < left + 8 ? 'left' : 'center';  // clear of the other axis
       pen.beginPath(); pen.moveTo(X(value), top); pen.lineTo(X(value), bottom); pen.stroke();
       pen.fillText(text.replace('-', '−'), X(value), bottom + 3);
     }
@@ -275,16 +276,14 @@ function explain(legend, entries) {
 function grip({ label, at, move, text }, shown, current, change) {
   const handle = element('div', { className: 'explorable-handle', tabIndex: 0 });
   for (const [name, value] of Object.entries({ role: 'slider', 'aria-label': `${label}: arrow keys move it, with Shift in large steps`, 'aria-valuemin': 0, 'aria-valuemax': 100, 'data-name': label })) handle.setAttribute(name, value);
-  let place = null, offset = null;
+  let place = null, offset = null, pointer = null;  // where it is, and what drags it
   const pixels = () => [shown().plot.X(place[0]), shown().plot.Y(place[1])];
   handle.addEventListener('pointerdown', (event) => {
     if (event.button || !place) return;
     event.preventDefault();
-    handle.focus({ preventScroll: true });
-    handle.setPointerCapture(event.pointerId);
-    // from where it is, which may be beyond the picture
-    const [x, y] = pixels();
-    offset = [event.clientX - x, event.clientY - y];
+    // of handles that overlap it is the nearest one
+    const away = (each) => each.away(event.clientX, event.clientY);
+    shown().handles.reduce((nearest, each) => (away(each) < away(nearest) ? each : nearest)).take(event);
   });
   handle.addEventListener('pointermove', (event) => {
     if (offset) change(move(shown().plot.place(event.clientX - offset[0], event.clientY - offset[1]), ...current(), false));
@@ -299,18 +298,36 @@ function grip({ label, at, move, text }, shown, current, change) {
   });
   return {
     element: handle,
+    away(x, y) {
+      const { left, right, top, bottom } = handle.getBoundingClientRect();
+      return handle.hidden ? Infinity : Math.hypot(x - (left + right) / 2, y - (top + bottom) / 2);
+    },
+    take(event) {
+      // from where it is, which may be beyond the picture
+      const [x, y] = pixels();
+      this.follow(event.pointerId, [event.clientX - x, event.clientY - y]);
+    },
+    follow(id, from) {
+      handle.focus({ preventScroll: true });
+      handle.setPointerCapture(id);
+      [pointer, offset] = [id, from];
+    },
     show(plot) {
       const focused = document.activeElement === handle;
       place = at(...current());
       handle.hidden = !place;
       if (!place) {
-        if (focused) shown().handles[0].element.focus({ preventScroll: true });  // two poles have become a pair
+        const [first] = shown().handles;  // two poles have become a pair
+        if (focused) first.element.focus({ preventScroll: true });
+        if (offset) first.follow(pointer, offset);
+        offset = null;
         return;
       }
       const { left, right, top, bottom } = plot.box, [x, y] = pixels();
       const [near, level] = [clamp(x, left, right), clamp(y, top, bottom)];
       Object.assign(handle.style, { left: `${near}px`, top: `${level}px` });
       handle.classList.toggle('beyond', near !== x || level !== y);
+      handle.classList.toggle('late', near > right - 70);  // its name is to the left
       handle.setAttribute('aria-valuetext', text?.(...current()) ?? place.map((value) => short(value)).join(', '));
       handle.setAttribute('aria-valuenow', String(Math.round(100 * (near - left) / (right - left))));
     },

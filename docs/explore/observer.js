@@ -43,8 +43,8 @@ export const observer = {
   saying: 'a fast observer forgets its first error soon and copies the noise; in between is the least error, and Kalman\'s gain is at least as good as the best of any speed.',
   state: { speed: [6, SLOW, FAST], noise: [0.05, 0.005, 0.5], push: [0.3, 0.02, 2] },
   sliders: [
-    { key: 'noise', label: 'noise of the sensor', log: true, text: (value) => number(value, 2) },
-    { key: 'push', label: 'pushes', log: true, text: (value) => number(value, 2) },
+    { key: 'noise', label: 'noise of the sensor', log: true, text: (value) => `${number(value / Math.sqrt(DT), 2)} m in each reading` },
+    { key: 'push', label: 'pushes', log: true, text: (value) => `${number(value, 2)} m/s in a second` },
   ],
   compute({ speed, noise, push }) {
     if (known.noise !== noise || known.push !== push) {

@@ -10,26 +10,20 @@ export function polesOf(state, of = '') {
   return im ? [[re, im], [re, -im]] : [[re, 0], [state[`second${of}`], 0]];
 }
 
-// whether a pole leaves the real axis, or is away from it: a key that moves it up does so at once
-const off = (y, im, byKey) => (byKey && !im ? y > 1e-6 : y >= ON_AXIS);
+// whether a pole leaves the real axis, or is away from it: a key that moves it does so at once
+const off = (y, im, byKey) => Math.abs(y) >= (byKey && !im ? 1e-6 : ON_AXIS);
 
 export function poleHandles(label, of = '') {
   const [re, im, second] = [`re${of}`, `im${of}`, `second${of}`];
   const text = (state) => words(polesOf(state, of));
+  // one that leaves the real axis takes the other with it; the first then moves the pair
+  const move = (key) => ([x, y], state, computed, byKey) => {
+    if (off(y, state[im], byKey)) return { [re]: x, [im]: Math.max(Math.abs(y), ON_AXIS) };
+    return state[im] ? { [re]: x, [second]: x, [im]: 0 } : { [key]: x };
+  };
   return [
-    {
-      label: `${label}, first pole`, text,
-      at: (state) => [state[re], state[im]],
-      move: ([x, y], state, computed, byKey) => {
-        if (off(y, state[im], byKey)) return { [re]: x, [im]: Math.max(y, ON_AXIS) };
-        return state[im] ? { [re]: x, [second]: x, [im]: 0 } : { [re]: x };
-      },
-    },
-    {
-      label: `${label}, second pole`, text,
-      at: (state) => (state[im] ? null : [state[second], 0]),
-      move: ([x, y], state, computed, byKey) => (off(y, 0, byKey) ? { [re]: x, [im]: Math.max(y, ON_AXIS) } : { [second]: x }),
-    },
+    { label: `${label}, first pole`, text, at: (state) => [state[re], state[im]], move: move(re) },
+    { label: `${label}, second pole`, text, at: (state) => (state[im] ? null : [state[second], 0]), move: move(second) },
   ];
 }
 

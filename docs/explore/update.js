@@ -51,7 +51,7 @@ export const update = {
       title: 'the same along the axis that is read', x: (state) => (Math.round(state.sensor) ? [-4, 5] : [-6, 10]), y: (state, { after, k }) => [0, 1.15 * density(0, Math.min(after.P[k][k]))(0)],
       across: 'what is read', up: 'density',
       handles: [{
-        label: 'noise of the reading', at: ({ y, sigma }) => [y + sigma, density(y, sigma ** 2)(y + sigma)], move: ([place], { y }) => ({ sigma: Math.abs(place - y) }), text: ({ sigma }) => `σ ${number(sigma)}`,
+        label: 'noise of the reading', at: ({ y, sigma }) => [y + sigma, density(y, sigma ** 2)(y + sigma)], move: ([place], { y }) => ({ sigma: place - y }), text: ({ sigma }) => `σ ${number(sigma)}`,
       }],
       draw(plot, { y, sigma }, { prior, after, k }) {
         const places = Array.from({ length: 401 }, (_, i) => plot.x[0] + (plot.x[1] - plot.x[0]) * i / 400);
@@ -68,6 +68,6 @@ export const update = {
   sentence({ sigma }, { prior, after, k }) {
     const [before_, read, now] = [prior.P[k][k], sigma ** 2, after.P[k][k]].map((variance) => 1 / variance);
     const other = 1 - k, [was, is] = [prior, after].map(({ P }) => Math.sqrt(P[other][other]));
-    return `L = ${number(after.L[k], 2)}. Information adds: ${number(before_)} + ${number(read)} = ${number(now)}. The other state was not read, and its σ went from ${number(was)} to ${number(is)}${Math.abs(prior.P[0][1]) < 1e-9 ? ': nothing ties them together' : ''}.`;
+    return `L = ${number(after.L[k], 2)}. Information adds: ${number(before_, 4)} + ${number(read, 4)} = ${number(now, 4)}. The other state was not read, and its σ went from ${number(was)} to ${number(is)}${Math.abs(prior.P[0][1]) < 1e-9 ? ': nothing ties them together' : ''}.`;
   },
 };

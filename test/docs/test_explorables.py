@@ -413,6 +413,44 @@ def test_a_belief_stays_one_however_often_it_is_predicted(places):
     assert NOTHING not in sentence(browser, 'update')
 
 
+def place_of(browser, name, k):
+    """Return the centre of a handle on the screen."""
+    focus(browser, name, k)
+    handle = f'document.querySelectorAll("#explore-{name} .explorable-handle")[{k}]'
+    browser.run(f'{handle}.id = "handle-{name}-{k}"')
+    left, top, width, height = browser.place(f'#handle-{name}-{k}')
+    return left + width / 2, top + height / 2
+
+
+def test_either_of_two_real_poles_is_dragged_into_a_pair(places):
+    for k in (0, 1):
+        for way in (-1, 1):
+            browser = opened(places, '#modes=-1,0,-2,0.6')
+            x, y = place_of(browser, 'modes', k)
+            browser.drag((x, y), (x, y + 20 * way), (x - 5, y + 60 * way))
+            sentence(browser, 'modes')
+            re, im, *_ = values(browser, 'modes')
+            assert im > 1.0 and re == pytest.approx(-1.2 - k, abs=0.3)
+
+
+def test_of_handles_that_overlap_the_nearest_is_dragged(places):
+    """With little noise of the bearing its handle lies within that of the range."""
+    browser = opened(places, '#banana=0.05,0.07')
+    x, y = place_of(browser, 'banana', 0)
+    browser.drag((x, y), (x + 15, y), (x + 30, y))
+    sentence(browser, 'banana')
+    distance, bearing = values(browser, 'banana')
+    assert distance == 0.05 and bearing > 0.1
+
+
+def test_noise_that_is_dragged_beyond_nothing_stays_the_least(places):
+    browser = opened(places, '#banana=0.05,0.2')
+    x, y = place_of(browser, 'banana', 0)
+    browser.drag((x, y), (x - 20, y), (x - 150, y))
+    sentence(browser, 'banana')
+    assert values(browser, 'banana')[1] == pytest.approx(np.pi / 180, rel=1e-3)
+
+
 def test_arrow_keys_make_a_pair_and_take_it_apart(places):
     browser = opened(places, '#modes=-1,0,-2,0.6')
     focus(browser, 'modes', 1)

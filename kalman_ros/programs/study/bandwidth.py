@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A noisier sensor needs a slower estimator and regulator.
+"""A noisier sensor makes a slower estimator, and a regulator beyond it gains little.
 
 A mass is pushed by noise and its position is measured. First the sensor gets worse while the
 nodes run; then, with the worst one, the regulator is made slower and slower. A fast regulator

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Loop transfer recovery restores margins and costs noise.
 
-Doyle's plant again, with the same regulator. The estimator assumes noise q^2 B B' at the
+Doyle's plant again, with the same regulator. The estimator assumes noise r^2 B B' at the
 input that does not exist (J. Doyle and G. Stein, IEEE Trans. Automatic Control 24(4), 1979).
 """
 
@@ -30,7 +30,7 @@ from .stability_boundary import stability_boundary
 from .study_run import StudyRun
 
 RATE = 25.0
-#: Values of q in the runs.
+#: Values of r in the runs.
 ASSUMED = (10.0, 100.0)
 #: Weight of (x, u) that selects the square of the input.
 INPUT = np.diag([0.0, 0.0, 1.0])
@@ -39,53 +39,53 @@ INPUT = np.diag([0.0, 0.0, 1.0])
 def study(size: float = 1.0) -> Findings:
     """Search two margins, and measure cost and input in 100 s each."""
     checks = []
-    for q in ASSUMED:
-        upper = margins(_loop(q)).upper_gain.value
-        with StudyRun(system(STRENGTH, SMALL, RATE), only=_assumed(q, SMALL), nodes=NODES) as run:
+    for r in ASSUMED:
+        upper = margins(_loop(r)).upper_gain.value
+        with StudyRun(system(STRENGTH, SMALL, RATE), only=_assumed(r, SMALL), nodes=NODES) as run:
             boundary, _ = stability_boundary(run, 'actuator_gain', 1.0, 1.3, 16.0)
         # of the margin beyond 1; the search stops within 0.3 %
-        name = f'q = {q:g}: gain margin'
+        name = f'r = {r:g}: gain margin'
         checks.append(close(name, '', upper, boundary, 0.05 * (upper - 1.0)))
-        checks += _measure(q, max(40.0, 100.0 * size))
+        checks += _measure(r, max(40.0, 100.0 * size))
     return Findings(checks, lambda path: _draw(checks, path))
 
 
-def _assumed(q: float, scale: float = 1.0) -> dict[str, dict[str, Any]]:
-    """Return the parameters of the estimator only: the assumed noise W + q^2 B B'."""
-    W = scale**2 * (STRENGTH * ONES + q**2 * B @ B.T)
+def _assumed(r: float, scale: float = 1.0) -> dict[str, dict[str, Any]]:
+    """Return the parameters of the estimator only: the assumed noise W + r^2 B B'."""
+    W = scale**2 * (STRENGTH * ONES + r**2 * B @ B.T)
     return {'estimator': {'model_parameters.noise_density': W.ravel().tolist()}}
 
 
-def _believed(q: float) -> Scenario:
-    return scenarios.build({**system(STRENGTH, rate=RATE), **_assumed(q)['estimator']})
+def _believed(r: float) -> Scenario:
+    return scenarios.build({**system(STRENGTH, rate=RATE), **_assumed(r)['estimator']})
 
 
 def _real() -> Scenario:
     return scenarios.build(system(STRENGTH, rate=RATE))
 
 
-def _loop(q: float) -> StateSpace:
-    return lqg_loop(_real(), believed=_believed(q))
+def _loop(r: float) -> StateSpace:
+    return lqg_loop(_real(), believed=_believed(r))
 
 
-def _input_rms(q: float) -> float:
-    return float(np.sqrt(average(_real(), INPUT, 1, controller(_real(), _believed(q))).mean))
+def _input_rms(r: float) -> float:
+    return float(np.sqrt(average(_real(), INPUT, 1, controller(_real(), _believed(r))).mean))
 
 
-def _measure(q: float, seconds: float) -> list[Check]:
+def _measure(r: float, seconds: float) -> list[Check]:
     """Compare cost and input over topics with theory; the bounds are their scatter."""
     parameters = {**system(STRENGTH, rate=RATE), 'initial_state': [0.0, 0.0]}
     settled = theory(_real()).settling_time
-    with StudyRun(parameters, only=_assumed(q), nodes=NODES) as run:
+    with StudyRun(parameters, only=_assumed(r), nodes=NODES) as run:
         run.advance(settled + seconds)
         trajectory = run.trajectory()
     z = np.hstack((trajectory.truth, trajectory.input))[trajectory.time >= settled]
     checks = []
     cost = RATE * price(_real()).weight
     for name, unit, weight in (('cost', '1/s', cost), ('RMS of the input', '', INPUT)):
-        expected = average(_real(), weight, len(z), controller(_real(), _believed(q)))
+        expected = average(_real(), weight, len(z), controller(_real(), _believed(r)))
         value = float(np.mean(np.einsum('ki,ij,kj->k', z, weight, z)))
-        checks.append(mean_square(f'q = {q:g}: {name}', unit, expected, value, root=not unit))
+        checks.append(mean_square(f'r = {r:g}: {name}', unit, expected, value, root=not unit))
     return checks
 
 
@@ -105,7 +105,7 @@ def _draw(checks: Sequence[Check], path: Path) -> None:
             color=READING, label='in continuous time',
         )  # fmt: skip
         gain.plot(
-            strengths, [margins(_loop(q)).upper_gain.value for q in strengths.tolist()],
+            strengths, [margins(_loop(r)).upper_gain.value for r in strengths.tolist()],
             color=ESTIMATE, label=f'sampled at {RATE:g} Hz',
         )  # fmt: skip
         gain.axhline(guarantee, color=TRUTH, lw=0.8, ls=':', label='true state, sampled')
@@ -113,17 +113,17 @@ def _draw(checks: Sequence[Check], path: Path) -> None:
         gain.set_title('The margin recovers')
         noise.plot(
             strengths,
-            [_input_rms(q) for q in strengths.tolist()],
+            [_input_rms(r) for r in strengths.tolist()],
             color=ESTIMATE,
         )
         noise.set_ylabel('RMS of the input (log)')
         noise.set_title('Noise at the input grows')
         for axis, label in ((gain, 'gain margin'), (noise, 'RMS of the input')):
-            found = [by_name[f'q = {q:g}: {label}'] for q in ASSUMED]
+            found = [by_name[f'r = {r:g}: {label}'] for r in ASSUMED]
             allowed(axis, ASSUMED, found, ORANGE)
             values = [check.measured.real for check in found]
             axis.plot(ASSUMED, values, 'o', color=ORANGE, ms=6, label='measured, and allowed')
             axis.set_xscale('log')
             axis.set_yscale('log')
-            axis.set_xlabel('q, input noise that the estimator assumes (log)')
+            axis.set_xlabel('r, input noise that the estimator assumes (log)')
         gain.legend(loc='center left')
