@@ -133,7 +133,9 @@ def _hint(name: str) -> str:
     if ours:
         return f"; did you mean '{ours}'?" if ours in _MODULES else f'; here it is {ours}'
     if name in names.ABSENT:
-        return ': python-control has it, and its systems are taken here'
+        library = names.ABSENT[name]
+        taken = f': {library} has it, and systems and arrays of others are taken here'
+        return taken if library else ', nor a counterpart of it'
     same = [known for known in __all__ if known.lower() == name.lower()]
     near = same or get_close_matches(name, __all__, n=1, cutoff=_NEAR)
     known = '' if name.startswith('_') else '; dir(kr) lists its names'

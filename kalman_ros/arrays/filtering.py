@@ -11,6 +11,7 @@ import numpy as np
 
 from kalman_ros.compiled.parts import COMPILED, parts
 from kalman_ros.core import ArrayLike, Dynamics, TimedSensor, Value
+from kalman_ros.core.known_arguments import knows_arguments
 from kalman_ros.estimators import default_filter
 from kalman_ros.estimators.plan import Plan
 from kalman_ros.estimators.smoother import smooth as smooth_steps
@@ -24,6 +25,17 @@ from .scenarios import load
 from .tables import is_table, unpack
 
 
+@knows_arguments(
+    x0='initial, with P0: (mean, covariance)',
+    P0='initial, with x0: (mean, covariance)',
+    y='readings',
+    z='readings',
+    zs='readings',
+    u='inputs',
+    us='inputs',
+    t='times',
+    dt='times',
+)
 def filter(
     model: Any,
     sensors: Any = None,

@@ -25,6 +25,7 @@ from kalman_ros.core import (
     Dynamics,
     linearize,
 )
+from kalman_ros.core.known_arguments import knows_arguments
 from kalman_ros.linear import placement
 
 from .accept import (
@@ -45,6 +46,11 @@ from .foreign import read_system
 from .gain_results import InputMargins, LoopMargins, Sampled, StateFeedback
 
 
+@knows_arguments(
+    Ts='dt',
+    integral_action="make_scenario(..., law='lqi')",
+    method='none: lqr solves by one method',
+)
 def lqr(
     A: Any,
     B: ArrayLike | None = None,
@@ -95,6 +101,7 @@ def lqr(
         return _optimal(replace(found, A=step.F, B=step.G, dt=dt), design)
 
 
+@knows_arguments(Ts='dt', A='F', B='G')
 def dlqr(
     F: Any,
     G: ArrayLike | None = None,
@@ -151,6 +158,7 @@ def _optimal(plant: Plant, design: regulation.LqrDesign) -> StateFeedback:
     return StateFeedback(plant, design.gain, design.poles, design.cost_to_go)
 
 
+@knows_arguments(p='poles', P='poles', method='none: one method places poles', Ts='dt')
 def place(
     A: Any, B: ArrayLike | None = None, poles: Sequence[complex] | None = None,
     *, dt: float | None = None,
@@ -187,6 +195,7 @@ def place(
     return StateFeedback(replace(found, A=step.F, B=step.G, dt=dt), design.gain, design.poles)
 
 
+@knows_arguments(Ts='dt', K='C, with A and B: the gain of u = -K x')
 def margins(
     A: Any,
     B: ArrayLike | None = None,
@@ -238,6 +247,7 @@ def margins(
     return each[0] if len(each) == 1 else each
 
 
+@knows_arguments(Ts='dt', T='dt', Q='W', method='none: the input is held, exactly')
 def discretize(
     A: Any, B: ArrayLike | None = None, dt: float | None = None, W: ArrayLike | None = None
 ) -> Sampled:

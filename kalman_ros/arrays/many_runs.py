@@ -14,6 +14,7 @@ import numpy as np
 from kalman_ros.analysis.ensemble import Ensemble, ensemble
 from kalman_ros.compiled import is_available
 from kalman_ros.core import ArrayLike
+from kalman_ros.core.known_arguments import knows_arguments
 from kalman_ros.core.known_names import KnownNames
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.estimation import Estimation
@@ -92,6 +93,7 @@ class ManyRuns(KnownNames, Ensemble):
         return many_runs(self, _path(path))
 
 
+@knows_arguments(N='runs', n='runs', T='seconds', duration='seconds')
 def monte_carlo(
     scenario: Scenario | str | Path | Mapping[str, Any] = 'mass_spring_damper_2d',
     overrides: Mapping[str, Any] | None = None,

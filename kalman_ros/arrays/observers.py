@@ -11,12 +11,14 @@ import numpy as np
 from kalman_ros.control import lqe as estimation
 from kalman_ros.control.state_space import state_space
 from kalman_ros.core import Array, Discretization, Dynamics, Sensor
+from kalman_ros.core.known_arguments import knows_arguments
 
 from .accept import columns, duration, rows, square, weight
 from .foreign import read_system
 from .gain_results import Observer
 
 
+@knows_arguments(QN='W', RN='V', NN='N', Q='W', R='V', H='C', Ts='dt')
 def lqe(
     A: Any,
     G: Any = None,
@@ -78,6 +80,7 @@ def lqe(
     return observer_of(F, C, estimation.dlqe(F, C, Q, V), states, dt)
 
 
+@knows_arguments(QN='Q', RN='R', NN='N', A='F', B='G', W='Q', V='R', H='C', Ts='dt')
 def dlqe(
     F: Any,
     G: Any = None,

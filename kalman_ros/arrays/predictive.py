@@ -18,6 +18,7 @@ from kalman_ros.control.lqr import cost, dlqr, sampled_cost
 from kalman_ros.control.motion import Motion
 from kalman_ros.control.predictive import predicted
 from kalman_ros.core import Array, ArrayLike, Dynamics, Gaussian, Space
+from kalman_ros.core.known_arguments import knows_arguments
 from kalman_ros.core.known_names import KnownNames
 
 from . import text
@@ -157,6 +158,16 @@ class PredictiveControl(KnownNames):
         return '\n'.join(lines)
 
 
+@knows_arguments(
+    N='horizon, in seconds, and moves',
+    Np='horizon, in seconds',
+    Nc='moves',
+    umin='input_limit',
+    umax='input_limit',
+    xmin='state_limit',
+    xmax='state_limit',
+    Ts='dt',
+)
 def mpc(
     A: Any,
     B: ArrayLike | None = None,

@@ -20,6 +20,7 @@ from kalman_ros.core import (
     Sensor,
     Space,
 )
+from kalman_ros.core.known_arguments import knows_arguments
 
 from .accept import columns, duration, got, numbers, rows, space, square, weight
 from .foreign import labels_of, read_system
@@ -37,6 +38,12 @@ Names = Union[int, str, Sequence[str], None]
 _Function = TypeVar('_Function', FunctionModel, DiscreteFunctionModel)
 
 
+@knows_arguments(
+    'readings y = C x belong to a sensor: kr.sensor(C, R)',
+    Q='W',
+    C='a sensor: kr.sensor(C, R)',
+    D='a sensor: kr.sensor(C, R)',
+)
 def continuous_model(
     A: Any,
     B: ArrayLike | None = None,
@@ -101,6 +108,15 @@ def continuous_model(
     return LinearSystem(A, B, weight('W', W, n), state, _named('inputs', inputs, B.shape[1], 'u'))
 
 
+@knows_arguments(
+    'readings y = C x belong to a sensor: kr.sensor(C, R)',
+    A='F',
+    B='G',
+    W='Q',
+    dt='period',
+    Ts='period',
+    C='a sensor: kr.sensor(C, R)',
+)
 def discrete_model(
     F: Any,
     G: ArrayLike | None = None,
@@ -157,6 +173,7 @@ def _refuse_rest(given: Point) -> None:
         raise ValueError('equilibrium: expected none beside matrices, whose equilibrium is 0')
 
 
+@knows_arguments(C='H', V='R', states='no matter: columns of H are the states')
 def sensor(
     H: ArrayLike | Function,
     R: ArrayLike,

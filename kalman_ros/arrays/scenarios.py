@@ -24,6 +24,7 @@ from kalman_ros.core import (
     refuse_unknown,
     vector,
 )
+from kalman_ros.core.known_arguments import knows_arguments
 from kalman_ros.estimators import FILTERS, default_filter, filter_options
 from kalman_ros.estimators.plan import Plan
 from kalman_ros.scenario import Scenario, SensorSource, shipped
@@ -116,6 +117,7 @@ def _filter_of(values: Mapping[str, Any], known: Mapping[str, Option]) -> str:
     return found if found in FILTERS else FILTERS[0]
 
 
+@knows_arguments(dt='rate, in Hz', Ts='rate, in Hz', x0='initial_state', P0='initial')
 def make_scenario(
     model: Any,
     sensors: Any,

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.core import ArrayLike, refuse_unknown
+from kalman_ros.core.known_arguments import knows_arguments
 from kalman_ros.core.known_names import KnownNames
 from kalman_ros.scenario import Scenario
 from kalman_ros.simulation import closed_loop
@@ -93,6 +94,13 @@ class SimulatedRun(KnownNames, Trajectory):
         return getattr(run_pictures, what)(self.scenario, self, _path(path))
 
 
+@knows_arguments(
+    T='seconds',
+    duration='seconds',
+    t='seconds',
+    x0="overrides={'initial_state': ...}",
+    u='reference: the loop computes its inputs',
+)
 def simulate(
     scenario: Scenario | str | Path | Mapping[str, Any] = 'mass_spring_damper_2d',
     overrides: Mapping[str, Any] | None = None,

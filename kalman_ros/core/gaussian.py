@@ -11,6 +11,7 @@ import numpy as np
 
 from kalman_ros.linear.matrices import Array, ArrayLike, check_real
 
+from .known_arguments import knows_arguments
 from .known_names import KnownNames
 
 G = TypeVar('G', bound='Gaussian')
@@ -46,6 +47,7 @@ class Gaussian(KnownNames, _Moments):
     #: L (..., n, n) with L L' = P, where a filter keeps it.
     factor: Array | None = None
 
+    @knows_arguments(x='mean', mu='mean', P='covariance', cov='covariance', Sigma='covariance')
     def __new__(cls: type[G], mean: ArrayLike, covariance: ArrayLike) -> G:
         """Return the belief; lists become arrays."""
         check_real('mean', mean)

@@ -2,6 +2,7 @@
 """``import kalman_ros as kr``: what it offers, and what it costs."""
 
 import ast
+import importlib
 import subprocess
 import sys
 from pathlib import Path
@@ -122,3 +123,14 @@ def test_a_design_has_what_it_prints():
     blind = kr.design('constant_velocity')
     with pytest.raises(ValueError, match='there is no input'):
         _ = blind.K
+
+
+def test_what_is_absent_is_where_it_is_said():
+    from kalman_ros.elsewhere import ABSENT
+
+    pytest.importorskip('control')
+    where = {'python-control': 'control'}
+    for name, library in ABSENT.items():
+        if library:
+            module = importlib.import_module(where.get(library, library))
+            assert hasattr(module, name), name

@@ -9,4 +9,5 @@ def test_the_robot_in_the_readme_is_the_one_that_is_tested():
     path = ROOT / 'test' / 'packages' / 'pendulum_robot' / 'pendulum_robot' / 'pendulum.py'
     source = path.read_text()
     shown = source[source.index('from typing') :]
-    assert f'```python\n{shown}```' in (ROOT / 'README.md').read_text()
+    for page in ('README.md', 'docs/how_to/own_model.md'):
+        assert f'```python\n{shown}```' in (ROOT / page).read_text()
