@@ -26,6 +26,8 @@ _NEAR = 1e-3
 _STEPS = 30
 #: The residual of the equation at a crossing, relative to its terms.
 _EXACT = 1e-9
+#: The distance of poles from z = -1, as of a state that changes its sign at each sample.
+_ALTERNATING = 1e-6
 #: Crossings closer to each other than this, relative to their size, are one.
 _SAME = 1e-9
 
@@ -37,18 +39,14 @@ def continuous(loop: StateSpace) -> StateSpace:
     """Return a loop with s in place of z: s = (2/dt)(z - 1)/(z + 1) maps the circle to the axis.
 
     Stability, and every value along the axis, are unchanged; only frequencies are warped: see
-    `frequency`. A loop in continuous time is returned balanced, with entries of one size.
-
-    Raises
-    ------
-    ValueError
-        If a sampled loop has a pole at z = -1.
+    `frequency`. A pole at z = -1, which would be at infinity, is moved by 1e-6. A loop in
+    continuous time is returned balanced, with entries of one size.
     """
     A, B, C, D = loop.A, loop.B, loop.C, loop.D
     if loop.dt is not None:
         eye = np.eye(len(A))
-        if np.any(np.abs(loop.poles + 1.0) < 1e-12):
-            raise ValueError('loop: expected no pole at z = -1')
+        if np.any(np.abs(loop.poles + 1.0) < _ALTERNATING):
+            A = (1.0 - _ALTERNATING) * A
         M = np.linalg.inv(eye + A)
         scale = 2.0 / np.sqrt(loop.dt)
         A, B, C, D = (2.0 / loop.dt) * M @ (A - eye), scale * M @ B, scale * C @ M, D - C @ M @ B

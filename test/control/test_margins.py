@@ -292,8 +292,6 @@ def test_what_has_no_margins_says_why():
         margins(state_space([[2.0]], [[1.0]], [[1.0]]))
     with pytest.raises(ValueError, match='expected one input and one output, got 2 and 2'):
         margins(state_space(-np.eye(2), np.eye(2), np.eye(2)))
-    with pytest.raises(ValueError, match='no pole at z = -1'):
-        margins(state_space([[-1.0]], [[1.0]], [[-0.5]], dt=1.0))
     plant = pendulum()
     weights = sampled_cost(plant, cost([1, 1], [1], (2, 1)), 0.1)
     step = plant.sampled(0.1)
@@ -372,3 +370,17 @@ def test_no_peak_of_a_high_gain_is_missed(seed, dt):
 def test_no_peak_of_six_hundred_loops_is_missed(dt):
     for seed in range(600):
         check_peaks(seed, dt)
+
+
+def test_a_mode_that_alternates_has_margins():
+    """L = k / (z + 1), stable with gains of 0 to -2 / k, beside a search of the unit circle."""
+    k = -0.618
+    found = margins(state_space([[-1.0]], [[1.0]], [[k]], dt=1.0))
+    assert found.lower_gain.value == 0.0
+    assert found.upper_gain.value == pytest.approx(-2.0 / k, rel=2e-6)
+    w = np.linspace(1e-6, np.pi - 1e-6, 2_000_001)
+    L = k / (np.exp(1j * w) + 1.0)
+    assert found.distance.value == pytest.approx(np.abs(1.0 + L).min(), rel=1e-5)
+    (crossing,) = np.flatnonzero(np.diff(np.abs(L) > 1.0))
+    phase = np.angle(-L[crossing]) % (2.0 * np.pi)
+    assert found.delay.value == pytest.approx(phase / w[crossing], rel=1e-4)
