@@ -159,7 +159,7 @@ def run_of(loop: Loop, seed: int) -> SimulatedRun:
     answer = loop.answer and loop.answer()
     found = closed_loop.run(
         loop.scenario, None, loop.seconds, seed, believed=loop.believed, answer=answer,
-        faults=loop.faults,
+        faults=loop.faults, replaced=loop.replaced,
     )  # fmt: skip
     values = {field.name: getattr(found, field.name) for field in fields(Trajectory)}
     limited = answer.limited if answer else 0

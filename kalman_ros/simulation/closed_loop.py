@@ -11,7 +11,7 @@ import numpy as np
 from kalman_ros.core import Array
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.scenario import Scenario
-from kalman_ros.scenario.estimation import estimation
+from kalman_ros.scenario.estimation import Estimation, estimation
 
 from .computed import computed
 from .faults.links import Links
@@ -44,6 +44,7 @@ def run(
     arrives: Callable[[str, float], bool] = lambda name, time: True,
     answer: Callable[[int, Array], Array] | None = None,
     faults: PlantFaults | None = None,
+    replaced: Callable[[Estimation], Estimation] | None = None,
 ) -> Trajectory:
     """Return the run of a scenario's plant under u = u_0 - K (x_hat - x_0).
 
@@ -70,6 +71,8 @@ def run(
         a state (n,).
     faults
         Faults of the plant.
+    replaced
+        Function that puts another filter in the place of one, such as the exported C.
     """
     real = scenario
     scenario = computed(real)
@@ -83,7 +86,8 @@ def run(
     space, (x0, u0) = believed.model.state, believed.model.equilibrium
     K = np.zeros((u0.size, x0.size)) if gain is None else gain
     in_order = Policy(max_gap=0.0)
-    estimator = estimation(believed, in_order, filter=filter, biases=False).online(u0)
+    found = estimation(believed, in_order, filter=filter, biases=False)
+    estimator = (found if replaced is None else replaced(found)).online(u0)
     logs = {name: _Log() for name in believed.sensors}
     rows = []
     for step in range(round(seconds * scenario.rate) + 1):

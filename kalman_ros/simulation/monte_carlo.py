@@ -91,6 +91,7 @@ class Experiment:
                 loop.scenario, None, loop.seconds, seed, believed=loop.believed,
                 filter=loop.filter, command=command, answer=answer,
                 arrives=lambda _, time: arrives is None or arrives(time), faults=loop.faults,
+                replaced=loop.replaced,
             )  # fmt: skip
         limited = int(answer.limited) if answer else 0
         return outcomes_of(loop, run, self.weight, self.first, limited)

@@ -6,6 +6,7 @@ import pytest
 
 import kalman_ros as kr
 from kalman_ros.core import unchecked
+from kalman_ros.embedded.filter_in_c import FilterInC
 from kalman_ros.pipeline.settings import settings
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import from_file
@@ -43,6 +44,35 @@ def test_runs_are_those_of_python(name, overrides):
         values = [np.asarray(getattr(each, attribute), float) for each in (found, expected)]
         np.testing.assert_allclose(*values, rtol=1e-9)
     assert str(found) == str(expected)
+
+
+@pytest.mark.parametrize('late', [{'joint_states.delay': 0.03}, {'joint_states.jitter': 0.02}])
+def test_late_readings_are_those_of_python_too(late, counted):
+    kept = {'runs': 3, 'seconds': 1.0, 'seed': 4}
+    expected = kr.monte_carlo('cart_pole', late, **kept)
+    assert not counted
+    found = kr.monte_carlo('cart_pole', late, **kept, arithmetic='c')
+    assert len(counted) > 100
+    np.testing.assert_allclose(found.rms, expected.rms, rtol=1e-9)
+    counted.clear()
+    run = found.run(1)
+    assert len(counted) > 100
+    np.testing.assert_allclose(run.estimate, expected.run(1).estimate, rtol=1e-7, atol=1e-12)
+    with pytest.raises(ValueError, match='c is not possible here: filter: .* got square_root'):
+        kr.monte_carlo('cart_pole', {'filter': 'square_root', **late}, **kept, arithmetic='c')
+
+
+@pytest.fixture
+def counted(monkeypatch):
+    """Return the steps of predictions in C."""
+    calls, predict = [], FilterInC.predict
+
+    def counting(self, belief, u, dt):
+        calls.append(dt)
+        return predict(self, belief, u, dt)
+
+    monkeypatch.setattr(FilterInC, 'predict', counting)
+    return calls
 
 
 def test_other_processes_have_it_too():
