@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from kalman_ros import scenario as scenarios
+from kalman_ros.control.feedback import TRANSITION_TIME
 from kalman_ros.control.limiter import LIMITS
 from kalman_ros.control.motion import Motion
 from kalman_ros.core import ArrayLike
@@ -127,7 +128,8 @@ def export(
         max_gap=number('max_gap', gap, 'a number of seconds'),
     )
     at_rest = idle_of(scenario.model, str(idle))
-    found = loop(scenario, policy, bounds, at_rest, control=control, motion=motion)
+    blend = number('transition_time', values.get('transition_time', TRANSITION_TIME), 'seconds')
+    found = loop(scenario, policy, bounds, at_rest, control=control, motion=motion, blend=blend)
     source = f'{name}.yaml' if values and name else 'a scenario of Python'
     written = write(found, Path(out), name or 'loop', precision, source)
     return Export(written, build(written) if compile else None)

@@ -76,7 +76,7 @@ def filter(
         names of the states. A state of which nothing is known has an infinite variance;
         ``'diffuse'``: all of them.
     filter
-        ``'kf'``, ``'ekf'``, ``'ukf'``, ``'square_root'``, ``'gaussian_sum'``,
+        ``'kf'``, ``'ekf'``, ``'ukf'``, ``'iterated_ekf'``, ``'square_root'``, ``'gaussian_sum'``,
         ``'steady_state'`` or ``'luenberger'``;
         by default the scenario's, or ``'kf'`` if all is linear, else ``'ekf'``.
     input_times

@@ -25,6 +25,9 @@ from .motion import Aim, Motion
 from .predictive import Prediction, Predictor
 from .state_space import StateSpace
 
+#: Seconds in which the jump of a change of gains decays, where none are given.
+TRANSITION_TIME = 0.5
+
 
 @dataclass(frozen=True)
 class Feedback:

@@ -46,6 +46,17 @@ _OPERATIONS: dict[int, str] = {
 }
 
 
+#: Operations whose result may be infinite, or not a number, for finite ones.
+_POLES = {getattr(casadi, f'OP_{name}') for name in ('DIV', 'INV', 'POW', 'CONSTPOW', 'LOG')}
+
+
+def has_poles(trace: Trace) -> bool:
+    """Return whether a traced function may be infinite, or no number, at finite arguments."""
+    computed = trace.function('f')
+    operations = (computed.instruction_id(k) for k in range(computed.n_instructions()))
+    return not _POLES.isdisjoint(operations)
+
+
 def number(value: float) -> str:
     """Return a number as C."""
     if isnan(value):

@@ -30,21 +30,26 @@ _FILES = set(
     """.split()  # noqa: SIM905
 )
 _IDENTIFIER = re.compile(r'[A-Za-z][A-Za-z0-9_]{0,62}', re.ASCII)
+_PART = re.compile(r'[A-Za-z0-9_]{1,60}', re.ASCII)
 _IN_A_COMMENT = re.compile(r'[^ -~]|\*/|/\*|//|\\')
 
 
 def identifier(argument: str, name: str) -> str:
     """Return a name that C takes; ValueError, which names the argument, if it does not."""
-    if not _IDENTIFIER.fullmatch(name) or name in _KEYWORDS:
-        reason = 'that is a keyword' if name in _KEYWORDS else 'letters, digits and _'
-        raise ValueError(f"{argument}: expected a name for C, got '{comment(name)}' ({reason})")
+    if name in _KEYWORDS:
+        raise ValueError(f"{argument}: expected a name for C, got '{name}', which is a keyword")
+    if not _IDENTIFIER.fullmatch(name):
+        rule = 'a letter, and up to 62 letters, digits and _'
+        raise ValueError(f'{argument}: expected a name for C ({rule}), got {name!a}')
     return name
 
 
 def part(argument: str, name: str) -> str:
     """Return what follows an underscore in an identifier; a dot becomes another underscore."""
     found = name.replace('.', '_')
-    identifier(argument, f'x_{found}')
+    if not _PART.fullmatch(found):
+        rule = 'up to 60 letters, digits and _'
+        raise ValueError(f'{argument}: expected a name for C ({rule}), got {name!a}')
     return found
 
 
@@ -87,6 +92,13 @@ class Names:
             _parts('states', loop.space.names),
             _parts('inputs', loop.scenario.model.input.names),
         )
+
+    @classmethod
+    def by_number(cls, loop: Loop, name: str) -> Names:
+        """Return names that C takes, whatever those of the scenario are."""
+        listed = loop.sensors, loop.space.names, loop.scenario.model.input.names
+        found = ({each: f'n{k}' for k, each in enumerate(names)} for names in listed)
+        return cls(name, *found)
 
 
 def _parts(argument: str, names: Iterable[str]) -> dict[str, str]:

@@ -22,7 +22,9 @@ NAME_outcome NAME_hold(NAME_loop *loop, const NAME_real *reference);
  */
 NAME_outcome NAME_control(NAME_loop *loop, NAME_real dt, NAME_real *u);
 
-/* The input u towards the idle one, within its rate limit; it acts. */
+/* The input u towards the idle one, within its rate limit; it acts. The law goes on from there,
+ * without what it had integrated.
+ */
 void NAME_idle(NAME_loop *loop, NAME_real dt, NAME_real *u);
 """
 #: The same of a motion.
@@ -76,6 +78,8 @@ def law_texts(law: Law, rate: float) -> list[str]:
             f'static const int PLACES[] = {{{listed}}};\n',
             numbers('INTEGRAL_GAIN', feedback.integral_gain),
         ]
+    if law.blend:
+        texts.append(f'#define BLEND {number(law.blend)}\n')
     return [*texts, *_motion_texts(law), text('law.c')]
 
 
@@ -98,8 +102,9 @@ def _motion_texts(law: Law) -> list[str]:
 def fields(law: Law) -> str:
     """Return what the struct has for a law."""
     n, m, p = law.space.size, law.rest.input.size, len(law.feedback.tracked)
-    integral = (
-        f'    NAME_real integral[{p}]; /* of the errors of tracked states */\n    int8_t begun;\n'
+    integral = f'    NAME_real integral[{p}]; /* of the errors of tracked states */\n'
+    blend = (
+        f'    NAME_real jump[{m}], last[{n}]; /* what decays, and the state of the last input */\n'
     )
     motion = (
         '    double elapsed;   /* s since the motion began */\n'
@@ -109,7 +114,9 @@ def fields(law: Law) -> str:
     return (
         f'    NAME_real state[{n}], held[{m}]; /* what is held, and the input that holds it */\n'
         f'    NAME_real output[{m}];          /* the last input, within its limits */\n'
-        f'{integral if p else ""}{"" if law.motion is None else motion}'
+        f'{integral if p else ""}{blend if law.blend else ""}'
+        f'{"" if law.motion is None else motion}'
+        '    int8_t begun, released; /* whether the law has acted, and u has been idle since */\n'
     )
 
 

@@ -44,6 +44,8 @@ class Law:
         Where else it rests, for references.
     motion
         What it can follow; None without a motion.
+    blend
+        Seconds in which the jump after a change, or an idle time, decays; 0: at once.
     """
 
     space: Space
@@ -52,6 +54,7 @@ class Law:
     rest: OperatingPoint
     equilibria: FeedForward
     motion: Motion | None = None
+    blend: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -104,6 +107,7 @@ def loop(
     *,
     control: bool = True,
     motion: Motion | None = None,
+    blend: float = 0.0,
 ) -> Loop:
     """Return the loop of a scenario.
 
@@ -119,6 +123,8 @@ def loop(
         Whether the law is exported, if there is an input.
     motion
         What the law can follow, with its gains.
+    blend
+        Seconds in which the jump of the input after an idle time decays.
 
     Raises
     ------
@@ -144,7 +150,7 @@ def loop(
     at_rest = np.zeros(m) if idle is None else idle
     law = None
     if control and m:
-        law = _law(scenario, limits or Limits.none(m), at_rest, motion)
+        law = replace(_law(scenario, limits or Limits.none(m), at_rest, motion), blend=blend)
     elif motion is not None:
         raise ValueError('motion: expected none without a law that follows it')
     return Loop(scenario, found, at_rest, law)

@@ -12,7 +12,7 @@ from kalman_ros.compiled.free_parameters import Parameters
 from kalman_ros.core import Sensor, Space
 from kalman_ros.estimators.fixed_gain import FixedGainObserver
 
-from .expressions import function, number, numbers
+from .expressions import function, has_poles, number, numbers
 from .identifiers import Names
 from .loop import Loop
 from .texts import angles, difference, text
@@ -23,6 +23,8 @@ def sensor_texts(loop: Loop, names: Names) -> list[str]:
     texts, rows = [text('sensors.c')], []
     gates = loop.estimation.policy.gates or {}
     filter: Any = loop.estimation.filter
+    if any(_may_be_differenced(each, loop.space) for each in loop.sensors.values()):
+        texts.append(text('differences.c'))
     for k, (name, sensor) in enumerate(loop.sensors.items()):
         own, gain = str(k), '0'  # a name of a user may be that of another function
         texts += [f'/* {names.sensors[name]} */\n', *_of_sensor(own, sensor, loop.space)]
@@ -53,20 +55,34 @@ def point_texts(filter: Any, space: Space) -> list[str]:
 def _of_sensor(own: str, sensor: Sensor, state: Space) -> list[str]:
     parameters = Parameters(sensor)
     formulas = of_sensor(sensor, state, parameters)
-    texts = [numbers(f'NUMBERS_{own}', parameters.values)]
+    texts = [
+        numbers(f'NUMBERS_{own}', parameters.values),
+        difference(f'difference_{own}', sensor.output),
+    ]
+    size = sensor.output.size
+    elsewhere = (
+        f'    if (!are_finite(result, {size} * N))\n'
+        f'        differenced(x, {size}, measure_{own}, difference_{own}, result);\n'
+    )
     for kind, formula in (('measure', formulas.measure), ('jacobian', formulas.jacobian)):
-        called = f'{kind}_{own}'
-        texts.append(function(f'{called}_of', formula, ['x', 'p'], by_rows=kind == 'jacobian'))
+        called, by_rows = f'{kind}_{own}', kind == 'jacobian'
+        texts.append(function(f'{called}_of', formula, ['x', 'p'], by_rows=by_rows))
         texts.append(
             f'static void {called}(const real *x, real *result)\n{{\n'
-            f'    {called}_of(x, NUMBERS_{own}, result);\n}}\n'
+            f'    {called}_of(x, NUMBERS_{own}, result);\n'
+            f'{elsewhere if by_rows and _may_be_differenced(sensor, state) else ""}}}\n'
         )
     return [
         *texts,
-        difference(f'difference_{own}', sensor.output),
         numbers(f'COVARIANCE_{own}', sensor.covariance),
         angles(f'ANGLES_{own}', sensor.output),
     ]
+
+
+def _may_be_differenced(sensor: Sensor, state: Space) -> bool:
+    """Return whether a Jacobian has places without a finite value, and differences there."""
+    formulas = of_sensor(sensor, state, Parameters(sensor))
+    return not state.rotations and has_poles(formulas.jacobian)
 
 
 def _arrived(state: Space) -> str:

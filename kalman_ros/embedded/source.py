@@ -93,7 +93,7 @@ def filter_source(loop: Loop) -> str:
         As `loop_files`.
     """
     name = 'loop'
-    names = Names.of(loop, name)
+    names = Names.by_number(loop, name)
     loop = _without_numbers(loop)
     header = header_texts(loop, names, 'float64', '')[f'{name}.h']
     size = 'unsigned long filter_size(void) { return sizeof(NAME_loop); }\n'
@@ -153,6 +153,7 @@ def _parts(loop: Loop, names: Names, precision: str, fast: str) -> list[str]:
         'K_MOST': loop.longest_reading,
         'REPAIRS': chosen.repairs,
         'NEGLIGIBLE': chosen.negligible,
+        'DIFFERENCE': chosen.difference,
         'REACHED': chosen.reached,
         'AT_A_STEP': chosen.at_a_step,
         'MAX_GAP': f'INT64_C({round(policy.max_gap * 1e9)})',

@@ -71,10 +71,10 @@ class Calls:
         self._estimator = loop.estimation.online(loop.idle)
         self._names = [*loop.sensors]
         self._time, self._input = 0, loop.idle
-        self._begun = False
+        self._begun = self._released = False
         law = loop.law
         if law is not None:
-            self._regulator = Regulator(law.space, law.feedback, law.rest)
+            self._regulator = Regulator(law.space, law.feedback, law.rest, law.blend)
             self._limiter = Limiter(law.limits, loop.idle)
         self._estimator.add_input(0, self._input)
 
@@ -127,6 +127,9 @@ class Calls:
         assert law is not None
         x = self._estimator.predicted(self._time).mean[: law.space.size]
         passed = dt if self._begun else 0.0
+        if self._released:
+            self._regulator.follow(x, self._limiter.value)
+            self._released = False
         wanted = self._regulator.propose(x, passed)
         u = self._limiter.toward(wanted, dt or 1.0 / self._loop.rate)
         self._regulator.applied(x, wanted, u, passed)
@@ -137,6 +140,7 @@ class Calls:
     def idle(self, dt: float) -> Call:
         """Let the input go towards the idle one."""
         self._act(self._limiter.toward_idle(dt))
+        self._released = True
         return self._call('O', 0, [dt], 0)
 
     def _act(self, u: Array) -> None:

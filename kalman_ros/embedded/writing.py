@@ -12,11 +12,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from kalman_ros.compiled import is_available
 from kalman_ros.compiled.library import compiler
 
 from .loop import Loop
-from .vectors import recorded, text
+from .vectors import Call, recorded, text
+
+#: Rounding of a number in single precision, relative to it; the share of a standard deviation
+#: that it may reach.
+_SINGLE, _COARSE = 2.0**-24, 0.1
 
 #: Test vectors are of a run of this many steps.
 STEPS = 400
@@ -133,6 +139,8 @@ def write(
         raise ValueError(f"out: '{folder}' is there already: name another folder")
     motion = None if loop.law is None else loop.law.motion
     calls = [*recorded(loop, steps + (0 if motion is None else len(motion.states)))]
+    if precision == 'float32':
+        _check_resolution(loop, calls)
     found['vectors.txt'] = text(loop, calls)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -143,17 +151,31 @@ def write(
     return Written(folder, name, [*found], len(calls))
 
 
+def _check_resolution(loop: Loop, calls: Sequence[Call]) -> None:
+    """Raise ValueError where single precision is coarse beside the deviation of an estimate."""
+    largest = np.max([np.abs(each.mean) for each in calls], axis=0)
+    stds = np.array([each.std for each in calls])
+    least = np.min(np.where(stds > 0.0, stds, np.inf), axis=0)
+    coarse = _SINGLE * largest
+    for name, step, value, std in zip(loop.space.names, coarse, largest, least):
+        if step > _COARSE * std:
+            raise ValueError(
+                f'precision: float32 resolves {name} = {value:.3g} to {step:.1g}, with a standard '
+                f'deviation of {std:.2g}: take float64, or a place nearer to zero'
+            )
+
+
 def build(written: Written) -> Built | None:
-    """Compile and check what was written; None without a compiler.
+    """Compile and check what was written; None where `missing` names a tool.
 
     Raises
     ------
     ValueError
         If the compiler fails, or C does not compute what Python did.
     """
-    command = compiler()
-    if not command:
+    if missing():
         return None
+    command = compiler()
     here, name = written.folder, written.name
     flags = '-O2 -fstack-usage' if 'clang' not in command[0] else '-O2'
     out = _run(here, ['make', f'CC={" ".join(command)}', f'CFLAGS={flags}', 'check'])
@@ -175,6 +197,13 @@ def build(written: Written) -> Built | None:
         _operations(written),
         float(difference),
     )
+
+
+def missing() -> str:
+    """Return the tool without which nothing is built here; '' if there are all."""
+    if not compiler():
+        return 'a C compiler'
+    return next((tool for tool in ('make', 'ar', 'size') if shutil.which(tool) is None), '')
 
 
 def _operations(written: Written) -> int | None:

@@ -14,12 +14,11 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from kalman_ros.compiled.library import compiler
 from kalman_ros.control.limiter import Limits
 from kalman_ros.control.motion import Motion
 from kalman_ros.core import options_of
 from kalman_ros.embedded.loop import Loop, loop
-from kalman_ros.embedded.writing import STEPS, Built, Written, build, write
+from kalman_ros.embedded.writing import STEPS, Built, Written, build, missing, write
 from kalman_ros.nodes.controller.options import ControllerOptions
 from kalman_ros.pipeline.estimator_options import EstimatorOptions
 from kalman_ros.pipeline.fusion import policy
@@ -83,7 +82,14 @@ def of_file(path: Path, changes: Mapping[str, Any], *, control: bool) -> Loop:
     limits = limits_of_inputs(path, dict(changes), built)
     found = policy(built, replace(chosen, rest_until_input=False))
     motion = _motion(path, values, built, limits) if control else None
-    return loop(built, found, limits, idle, control=control, motion=motion)
+    (blend,) = _of_controller(values, 'transition_time')
+    return loop(built, found, limits, idle, control=control, motion=motion, blend=blend)
+
+
+def _of_controller(values: Mapping[str, Any], *names: str) -> list[Any]:
+    """Return options of the controller from a file, or their defaults."""
+    known = {option.name: option for option in options_of(ControllerOptions)}
+    return [known[name].check(values.get(name, known[name].default)) for name in names]
 
 
 def _motion(
@@ -93,10 +99,8 @@ def _motion(
     corners = demo_section(path).path
     if corners is None:
         return None
-    known = {option.name: option for option in options_of(ControllerOptions)}
     names = ('path_speed', 'path_acceleration', 'path_tolerance')
-    chosen: list[Any] = [known[n].check(values.get(n, known[n].default)) for n in names]
-    speed, acceleration, tolerance = chosen
+    speed, acceleration, tolerance = _of_controller(values, *names)
     points = np.hstack((corners, np.zeros((len(corners), 1))))
     reference = along_path(built, points, speed, acceleration, rounding=tolerance)
     return motion_of(built, reference, limits, tolerance)
@@ -108,7 +112,8 @@ def report(console: Console, written: Written, built: Built | None) -> None:
     console.print(listed, soft_wrap=True, markup=False)
     console.print(f'Test vectors: {written.calls} calls of a simulated run, by Python.')
     if built is None:
-        why = '' if compiler() else ', for there is no C compiler here'
+        tool = missing()
+        why = f', for there is no {tool.removeprefix("a ")} here' if tool else ''
         console.print(f'It was not built{why}: make check does that.')
         return
     table = Table(box=box.SIMPLE_HEAD)

@@ -28,11 +28,11 @@ unsigned restarts(const {name}_loop *s) {{ return s->restarts; }}
 needs_a_compiler = pytest.mark.skipif(not compiler(), reason='there is no C compiler')
 
 
-def of_scenario(name, changes=None, *, policy=None, limits=None, motion=None):
+def of_scenario(name, changes=None, *, policy=None, limits=None, motion=None, blend=0.0):
     """Return the loop of a shipped scenario."""
     values = {**from_file(shipped.file(name), 'estimator', 'controller'), **(changes or {})}
     built = scenario.build(values)
-    return loop(built, policy, limits, motion=motion)
+    return loop(built, policy, limits, motion=motion, blend=blend)
 
 
 class Exported:

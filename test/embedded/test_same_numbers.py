@@ -11,6 +11,8 @@ from thorough import mostly_thorough, thorough
 
 import kalman_ros as kr
 from kalman_ros.control.limiter import limits_of
+from kalman_ros.core import Sensor, Space
+from kalman_ros.embedded.loop import loop
 from kalman_ros.embedded.vectors import OUTCOMES, Calls, recorded
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.scenario import shipped
@@ -242,3 +244,67 @@ def test_a_motion_in_single_precision(tmp_path):
     loop = of_scenario('cart_pole', motion=motion)
     exported = Exported(loop, tmp_path, 'float32')
     assert differences(exported, recorded(loop, 500)).max() < 1e-4
+
+
+@pytest.mark.parametrize(
+    ('name', 'changes'),
+    [('cart_pole', {'law': 'lqi', 'tracked': ['x']}), ('cart_pole', {}), ('dc_motor', {})],
+)
+def test_the_input_goes_on_from_the_idle_one(name, changes, tmp_path):
+    """As that of the node: what was integrated is gone, and the jump decays in half a second."""
+    first = []
+    for blend in (0.5, 0.0):
+        loop = of_scenario(name, changes, blend=blend)
+        python, size = Calls(loop), next(iter(loop.sensors.values())).output.size
+        calls = [python.correct(0, np.full(size, 0.1))]
+        for step in range(250):
+            idle = 100 <= step < 150
+            calls += [python.predict(0.01), python.idle(0.01) if idle else python.control(0.01)]
+        folder = tmp_path / str(blend)
+        folder.mkdir()
+        assert differences(Exported(loop, folder), calls).max() < CLOSE
+        first.append(np.abs(calls[302].input).max())
+    assert calls[300].kind == 'O' and calls[302].kind == 'U'
+    assert 0.0 < first[0] < 0.1 * first[1]
+
+
+def test_a_motion_begins_and_ends_without_a_jump(tmp_path):
+    motion = kr.motion('cart_pole', start={'x': 0.0}, end={'x': 0.5}, seconds=2.0)
+    loop = of_scenario('cart_pole', motion=motion, blend=0.3)
+    python, calls = Calls(loop), []
+    for step in range(400):
+        calls += [python.predict(0.01)]
+        if step in (30, 200):
+            calls.append(python.follow())
+        if step == 120:
+            calls.append(python.hold(loop.law.rest.state))
+        calls.append(python.idle(0.01) if 250 <= step < 260 else python.control(0.01))
+    assert differences(Exported(loop, tmp_path), calls).max() < 1e-10
+    assert sum(call.kind == 'M' for call in calls) == 2
+
+
+class Elbow(Sensor):
+    """The angle of a cosine that is limited, and a bearing: derivatives that are not finite."""
+
+    state = Space('x y', 'm m')
+    output = Space('angle bearing', 'rad rad', angles='bearing')
+    covariance = np.diag([0.01, 0.02])
+
+    def measure(self, x):
+        a, b = x[..., 0], x[..., 1]
+        return np.stack([np.arccos(np.clip(a, -1.0, 1.0)), np.arctan2(b, a)], axis=-1)
+
+
+@pytest.mark.parametrize('at', [(2.0, 0.5), (-3.0, 1.0), (0.0, 0.0), (1.0, 0.0), (0.3, -0.2)])
+def test_where_a_formula_has_no_derivative_differences_are_those_of_python(at, tmp_path):
+    model = kr.continuous_model(np.zeros((2, 2)), W=[0.01, 0.01], states='x y')
+    made = kr.make_scenario(
+        model, {'elbow': Elbow()}, rate=100.0, initial=(np.array(at), 0.04), filter='ekf'
+    )
+    loop_ = loop(made)
+    python = Calls(loop_)
+    calls = [python.correct(0, np.array([1.0, 0.3]))]
+    for _ in range(20):
+        calls += [python.predict(0.01), python.correct(0, np.array([1.0, 0.3]))]
+    assert {call.outcome for call in calls} == {0}
+    assert differences(Exported(loop_, tmp_path), calls).max() < 1e-9

@@ -7,8 +7,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import kalman_ros as kr
 from kalman_ros.compiled.library import compiler
 from kalman_ros.embedded import writing
 from kalman_ros.programs import export
@@ -75,7 +77,6 @@ def test_the_path_of_a_file_becomes_a_table(tmp_path):
 
 def test_without_a_compiler_it_says_so(capsys, tmp_path, monkeypatch):
     monkeypatch.setattr(writing, 'compiler', lambda: ())
-    monkeypatch.setattr(export, 'compiler', lambda: ())
     export.main(['dc_motor', '--out', str(tmp_path / 'c'), '--steps', '5'])
     assert 'for there is no C compiler here' in capsys.readouterr().out
 
@@ -129,3 +130,26 @@ def test_an_import_takes_no_casadi():
     code = 'import sys, kalman_ros.programs.export as e; print("casadi" in sys.modules)'
     out = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, timeout=60)
     assert out.stdout.strip() == 'False', out.stderr
+
+
+def test_without_make_it_says_so(capsys, tmp_path, monkeypatch):
+    found = writing.shutil.which
+    monkeypatch.setattr(
+        writing.shutil, 'which', lambda tool: None if tool == 'make' else found(tool)
+    )
+    export.main(['dc_motor', '--out', str(tmp_path / 'c'), '--steps', '5'])
+    assert 'It was not built, for there is no make here' in capsys.readouterr().out
+
+
+def test_single_precision_is_refused_where_it_is_coarse(tmp_path):
+    """A northing of thousands of kilometres, to a centimetre."""
+    north = kr.make_scenario(
+        kr.continuous_model(np.zeros((1, 1)), W=[1e-6], states='north'),
+        {'gnss': kr.sensor([[1.0]], 1e-4)},
+        rate=10.0,
+        initial=([5e6], 1e-4),
+        initial_state=[5e6],
+    )
+    with pytest.raises(ValueError, match=r'^precision: float32 resolves north = 5e\+06 to 0.3'):
+        kr.export(north, tmp_path / 'single', precision='float32', control=False)
+    assert kr.export(north, tmp_path / 'double', control=False, compile=False)

@@ -44,6 +44,14 @@ static int differs(double found, double expected, double scale, const char *what
     return 1;
 }
 
+static const char *named(int outcome)
+{
+    static const char *const OUTCOMES[] = {
+        "FUSED", "RECOVERED", "REJECTED", "OUTVOTED", "INDEFINITE", "NOT_FINITE", "BAD_COVARIANCE",
+        "DUPLICATE", "RESTARTED", "BAD_TIME", "UNREACHABLE"};
+    return outcome >= 0 && outcome < 11 ? OUTCOMES[outcome] : "unknown";
+}
+
 static NAME_outcome correct(NAME_loop *loop, int index, const NAME_real *y, const NAME_real *R)
 {
     switch (index) {
@@ -131,8 +139,8 @@ int main(int argc, char **argv)
         }
         int expected = whole(file);
         if ((int)outcome != expected) {
-            fprintf(stderr, "check: FAIL: call %ld: the outcome is %d, expected %d\n", calls,
-                    (int)outcome, expected);
+            fprintf(stderr, "check: FAIL: call %ld, %c %d: the outcome is %s, expected %s\n", calls,
+                    call, index, named((int)outcome), named(expected));
             return 1;
         }
         for (int i = 0; i < N; i++)

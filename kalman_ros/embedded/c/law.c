@@ -10,6 +10,46 @@ static void begin(loop_state *s)
 #endif
 }
 
+/* The gain of now. */
+static const real *gain(const loop_state *s)
+{
+#ifdef MOTION_GAINS
+    if (s->row >= 0)
+        return MOTION_GAIN + s->row * M * N_MODEL;
+#endif
+    (void)s;
+    return GAIN;
+}
+
+/* The input of the law for a state, and the state's error. */
+static void by_gain(const loop_state *s, const real *x, real *error, real *u)
+{
+    model_difference(x, s->state, error);
+    for (int j = 0; j < M; j++) {
+        real sum = 0;
+        for (int i = 0; i < N_MODEL; i++)
+            sum += gain(s)[j * N_MODEL + i] * error[i];
+        u[j] = s->held[j] - sum;
+#ifdef TRACKED
+        sum = 0;
+        for (int i = 0; i < TRACKED; i++)
+            sum += INTEGRAL_GAIN[j * TRACKED + i] * s->integral[i];
+        u[j] -= sum;
+#endif
+    }
+}
+
+#ifdef BLEND
+/* Let the input go on from its last value. */
+static void go_on(loop_state *s, const real *x)
+{
+    real error[N_MODEL], u[M];
+    by_gain(s, x, error, u);
+    for (int j = 0; j < M; j++)
+        s->jump[j] = s->output[j] - u[j];
+}
+#endif
+
 #ifdef MOTION
 /* What the motion is at now: between two steps, the state is on the straight line between theirs. */
 static void aim(loop_state *s)
@@ -38,19 +78,12 @@ void NAME_follow(loop_state *s)
     s->elapsed = 0;
     s->following = 1;
     aim(s);
+#ifdef BLEND
+    if (s->begun)
+        go_on(s, s->last);
+#endif
 }
 #endif
-
-/* The gain of now. */
-static const real *gain(const loop_state *s)
-{
-#ifdef MOTION_GAINS
-    if (s->row >= 0)
-        return MOTION_GAIN + s->row * M * N_MODEL;
-#endif
-    (void)s;
-    return GAIN;
-}
 
 /* Move the output towards a wanted one. */
 static void toward(loop_state *s, const real *wanted, real seconds)
@@ -88,8 +121,15 @@ NAME_outcome NAME_hold(loop_state *s, const real *reference)
         s->state[i] = REST_STATE[i] + x[i];
     memcpy(s->held, u, sizeof u);
 #ifdef MOTION
+    const int moving = s->following;
     s->following = 0;
     s->row = -1;
+#ifdef BLEND
+    if (moving && s->begun)
+        go_on(s, s->last);
+#else
+    (void)moving;
+#endif
 #endif
     return PREFIX_FUSED;
 }
@@ -101,6 +141,16 @@ NAME_outcome NAME_control(loop_state *s, real dt, real *u)
         memcpy(u, s->output, sizeof s->output);
         return PREFIX_BAD_TIME;
     }
+    const real passed = s->begun ? dt : 0;
+    if (s->released) { /* from the idle input on */
+#ifdef TRACKED
+        memset(s->integral, 0, sizeof s->integral);
+#endif
+#ifdef BLEND
+        go_on(s, s->x);
+#endif
+        s->released = 0;
+    }
 #ifdef MOTION
     if (s->following) {
         s->elapsed += s->following > 1 ? (double)dt : 0;
@@ -108,29 +158,18 @@ NAME_outcome NAME_control(loop_state *s, real dt, real *u)
         aim(s);
     }
 #endif
-    model_difference(s->x, s->state, error);
-    for (int j = 0; j < M; j++) {
-        real sum = 0;
-        for (int i = 0; i < N_MODEL; i++)
-            sum += gain(s)[j * N_MODEL + i] * error[i];
-        wanted[j] = s->held[j] - sum;
-#ifdef TRACKED
-        sum = 0;
-        for (int i = 0; i < TRACKED; i++)
-            sum += INTEGRAL_GAIN[j * TRACKED + i] * s->integral[i];
-        wanted[j] -= sum;
+    by_gain(s, s->x, error, wanted);
+#ifdef BLEND
+    const real left = exp(-passed / BLEND);
+    for (int j = 0; j < M; j++)
+        wanted[j] += s->jump[j] *= left;
 #endif
-    }
     if (!are_finite(wanted, M)) {
-#ifdef TRACKED
-        memset(s->integral, 0, sizeof s->integral);
-#endif
         NAME_idle(s, dt, u);
         return PREFIX_NOT_FINITE;
     }
     toward(s, wanted, dt > 0 ? dt : R(STEP));
 #ifdef TRACKED
-    const real passed = s->begun ? dt : 0;
     int saturated = 0;
     for (int j = 0; j < M; j++) {
         real more = 0;
@@ -140,8 +179,12 @@ NAME_outcome NAME_control(loop_state *s, real dt, real *u)
     }
     for (int i = 0; i < TRACKED && !saturated; i++)
         s->integral[i] += error[PLACES[i]] * passed;
-    s->begun = 1;
 #endif
+#ifdef BLEND
+    memcpy(s->last, s->x, sizeof s->last);
+#endif
+    (void)passed;
+    s->begun = 1;
     memcpy(u, s->output, sizeof s->output);
     return NAME_input(s, u);
 }
@@ -151,4 +194,5 @@ void NAME_idle(loop_state *s, real dt, real *u)
     toward(s, IDLE, dt > 0 && dt < LONGEST ? dt : 0);
     memcpy(u, s->output, sizeof s->output);
     (void)NAME_input(s, u);
+    s->released = 1;
 }

@@ -32,6 +32,8 @@ from .ekf import ExtendedKalmanFilter
 _STEPS, _HALVINGS = 10, 8
 #: Squared distance of a step, in standard deviations of the belief, that is the last one.
 _CLOSE = 1e-12
+#: A change of the cost below this is rounding.
+_ROUNDING = 1e-12
 
 
 class _Step(NamedTuple):
@@ -78,20 +80,22 @@ class IteratedExtendedKalmanFilter(ExtendedKalmanFilter):
 
         d = weight = np.zeros_like(x)
         known = cost(d, weight)
+        active = np.ones(known.shape, dtype=bool)  # each of many stops where it would alone
         for _ in range(_STEPS):
             ahead, share = step(d), np.ones(known.shape)
             for _ in range(_HALVINGS):
                 part = share[..., np.newaxis]
                 nearer = d + part * (ahead.to - d), weight + part * (ahead.weight - weight)
                 reached = cost(*nearer)
-                lower = reached < known
-                if np.all(lower):
+                lower = (reached < known + _ROUNDING * (1.0 + known)) & active
+                if np.all(lower | ~active):
                     break
                 share = np.where(lower, share, 0.5 * share)
             moved = lower[..., np.newaxis]
             change = np.where(moved, nearer[0] - d, 0.0), np.where(moved, nearer[1] - weight, 0.0)
             d, weight, known = d + change[0], weight + change[1], np.where(lower, reached, known)
-            if np.all((change[0] * change[1]).sum(axis=-1) < _CLOSE):
+            active = lower & ((change[0] * change[1]).sum(axis=-1) > _CLOSE)
+            if not np.any(active):
                 break
         last = step(d)
         covariance = k.joseph(last.gain, last.H, P, R)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import Annotated
 
+from kalman_ros.control.feedback import TRANSITION_TIME
 from kalman_ros.core import About
 from kalman_ros.pipeline.estimator_options import (
     Autostart,
@@ -79,7 +80,7 @@ class ControllerOptions:
     transition_time: Annotated[
         float,
         About('duration of the transition to other gains; 0 for a jump', 's', 0.0, live=True),
-    ] = 0.5
+    ] = TRANSITION_TIME
     path_speed: Annotated[
         float, About('largest speed on a path without times', 'm/s', minimum=1e-6, live=True)
     ] = 0.5
