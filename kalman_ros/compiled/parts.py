@@ -77,9 +77,11 @@ def parts(
     ValueError
         If the arithmetic is unknown.
     """
-    arithmetic = os.environ.get(VARIABLE) or arithmetic
+    chosen = os.environ.get(VARIABLE)
+    arithmetic = chosen or arithmetic
     if arithmetic not in (COMPILED, NUMPY):
-        raise ValueError(f"arithmetic: expected {COMPILED} or {NUMPY}, got '{arithmetic}'")
+        name = f'{VARIABLE} in the environment' if chosen else 'arithmetic'
+        raise ValueError(f"{name}: expected {COMPILED} or {NUMPY}, got '{arithmetic}'")
     if arithmetic == NUMPY:
         return Parts(model, {**sensors}, {})
     every: dict[str, Dynamics | Sensor] = {'model': model, **sensors}

@@ -169,7 +169,8 @@ def test_the_environment_has_the_last_word(monkeypatch):
     monkeypatch.setenv(VARIABLE, 'numpy')
     assert estimates('cart_pole', arithmetic='compiled').arithmetic == 'numpy'
     monkeypatch.setenv(VARIABLE, 'slow')
-    with pytest.raises(ValueError, match=r"^arithmetic: expected compiled or numpy, got 'slow'$"):
+    wanted = rf"^{VARIABLE} in the environment: expected compiled or numpy, got 'slow'$"
+    with pytest.raises(ValueError, match=wanted):
         estimates('cart_pole')
 
 

@@ -19,7 +19,7 @@
  *     NAME_correct_SENSOR(&loop, y, 0);        for each sensor that has a new reading
 {{calls}}
  *
- * Every function says what became of it. PREFIX_RESTARTED and PREFIX_NOT_FINITE of NAME_predict or
+ * A function with an outcome returns what became of it. PREFIX_RESTARTED and PREFIX_NOT_FINITE of NAME_predict or
  * NAME_control are worth a look; a reading that is refused changes nothing but the records. A step
  * takes the longer the longer dt is: it is integrated in parts, and a loop that waited may take a hundred
  * times as long for one step. dt of NAME_predict is 0 or more.
