@@ -9,6 +9,7 @@ sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1])]
 project = 'kalman_ros'
 author = 'The kalman_ros authors'
 extensions = [
+    'back_links',
     'explorables',
     'mathml',
     'parameter_entries',

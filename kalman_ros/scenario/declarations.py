@@ -74,7 +74,10 @@ def options(values: Mapping[str, Any], *, with_law: bool = True) -> dict[str, Op
 
             found.update(law.options(system, built.state, values))
     vectors = {
-        'initial_state': (system.initial_state, 'initial state of the plant'),
+        'initial_state': (
+            system.initial_state,
+            'initial state of the simulated plant; of an estimator: initial_estimate',
+        ),
         'initial_estimate': (
             system.initial_estimate or built.equilibrium.state.tolist(),
             'mean at a start or reset',
