@@ -119,10 +119,15 @@ def linearize(
 def _check(model: Any) -> None:
     """Raise ValueError if it is no model; the message has what makes one."""
     if not isinstance(model, Dynamics):
-        hint = '; a linear system rests at 0' if is_foreign(model) else ''
-        hint = (
-            f"; that of a scenario is kr.load('{model}').model" if isinstance(model, str) else hint
-        )
+        hint = ''
+        if is_foreign(model):
+            hint = '; a linear system rests at 0'
+        elif isinstance(model, str):
+            hint = f"; that of a scenario is kr.load('{model}').model"
+        elif callable(model):
+            hint = (
+                '; of a function dx/dt = f(x, u) it is kr.continuous_model(f, inputs=..., W=...)'
+            )
         raise ValueError(f'model: expected a model, got {type(model).__name__}{hint}')
 
 

@@ -153,3 +153,8 @@ def test_a_scenario_of_such_a_model_is_simulated_about_its_rest() -> None:
     run = kr.simulate(kr.make_scenario(model, sensor, rate=50.0), seconds=4.0, seed=1)
     assert abs(run.input[:, 0].mean() - 2.0 * GRAVITY) < 1.0
     assert np.abs(run.truth[:, 0]).max() < 3.0
+
+
+def test_a_function_is_no_model_yet():
+    with pytest.raises(ValueError, match=r'got function; of a function .* kr.continuous_model\(f'):
+        kr.linearize(lambda x, u: x, [0.0], [0.0])
