@@ -179,15 +179,16 @@ def _watch(budget: Budget, stopped: list[BaseException]) -> Generator[int, None,
     """Yield, each time that SQLite asks, whether it must stop, and keep the reason.
 
     SQLite drops what is raised here, by the budget or the handler of a signal. The handler runs
-    at the first bytecode, which in a generator is inside of the ``try``, in a function before it.
+    before a bytecode, which in a generator is inside of the ``try``, the jump of the loop
+    included, and in a function may be before it.
     """
-    stop = 0
-    while True:
-        try:
-            yield stop
+    try:
+        while True:
+            yield 0
             budget.work(_LOOK // _STEPS)
-        except GeneratorExit:
-            raise
-        except BaseException as error:
-            stopped.append(error)
-            stop = 1
+    except GeneratorExit:
+        raise
+    except BaseException as error:
+        stopped.append(error)
+        while True:
+            yield 1
