@@ -38,6 +38,7 @@ from . import (
     quantisation,
     rate,
     saturation,
+    sensor_lag,
     stamps,
     stretch,
     units,
@@ -60,7 +61,7 @@ PLAIN: Sequence[Detector] = (
 FITTED: Sequence[Detector] = (
     units.find, mounting.find, unrelated.find, outliers.find, lateness.hidden, bias.find,
     inputs.find, contradicted_parameters.find, first_belief.find, noise_levels.find,
-    lever_arms.find, stretch.find,
+    lever_arms.find, stretch.find, sensor_lag.find,
 )  # fmt: skip
 #: Detectors of findings that hold from the first seconds on.
 SIMPLE: Sequence[Detector] = (
