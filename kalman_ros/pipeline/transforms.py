@@ -93,7 +93,9 @@ class TransformWriter:
         body, options = self._body, self._options
         pose = Placement(np.array([body.value(x, axis) for axis in 'xyz']), body.attitude(x))
         if options.odom_frame:
-            other = self.history.at(time, options.tf_timeout)
+            # where the stamps of others are shifted as those from here
+            shifted = time + round(options.tf_time_offset * 1e9)
+            other = self.history.at(shifted, options.tf_timeout)
             if other is None:
                 return None
             # both are of the same body: that of one frame in the other one

@@ -76,7 +76,7 @@ def options(values: Mapping[str, Any], *, with_law: bool = True) -> dict[str, Op
     vectors = {
         'initial_state': (
             system.initial_state,
-            'initial state of the simulated plant; of an estimator: initial_estimate',
+            'initial state of the simulated plant',
         ),
         'initial_estimate': (
             system.initial_estimate or built.equilibrium.state.tolist(),

@@ -146,6 +146,28 @@ def test_a_sensor_that_is_linear_takes_one_step():
         np.testing.assert_array_equal(ours, theirs)
 
 
+@pytest.mark.parametrize(
+    ('variances', 'y'),
+    [([0.0, 1e-2], [6.0, 0.5]), ([1e-4, 1e-4], [np.nan, 0.5]), ([1e-4, 1e-4], [1e200, 0.5])],
+)
+def test_where_nothing_can_be_lowered_it_is_the_extended_filter(variances, y):
+    """Without noise, or without a number, there is no misfit to compare."""
+    sensor, y = RangeBearing(), np.array(y)
+    sensor.covariance = np.diag(variances)
+    many = Gaussian(np.tile(NEAR.mean, (2, 1)), np.stack([NEAR.covariance] * 2))
+    both = np.stack([y, [3.0, 1.2]])
+    with np.errstate(all='ignore'):
+        found, expected = (
+            kind(STILL).correct(NEAR, y, sensor).posterior
+            for kind in (IteratedExtendedKalmanFilter, ExtendedKalmanFilter)
+        )
+        together = IteratedExtendedKalmanFilter(STILL).stacked().correct(many, both, sensor)
+    for ours, theirs, one in zip(found, expected, together.posterior):
+        np.testing.assert_allclose(ours, theirs, rtol=1e-12)
+        np.testing.assert_allclose(one[0], theirs, rtol=1e-9)
+        assert np.isfinite(one[1]).all()
+
+
 def test_a_scenario_runs_with_it():
     runs = [
         kr.simulate('lidar_radar', overrides={'filter': filter}, seconds=5, seed=1)

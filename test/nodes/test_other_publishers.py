@@ -34,6 +34,6 @@ def test_a_second_node_of_the_same_name_is_named():
     assert line == 'there is a second node with the name /estimator'
 
 
-@pytest.mark.parametrize('topic', ['/tf', '/tf_static', '/bond'])
+@pytest.mark.parametrize('topic', ['/tf', '/tf_static', '/bond', '/r1/tf', '/r1/bond'])
 def test_what_all_share_is_left_alone(topic):
     assert said(topic, 'estimator', 'estimator', 'manager') == []

@@ -166,6 +166,29 @@ def test_with_a_frame_between_it_is_the_transform_to_that():
     np.testing.assert_allclose(node.sent[-1][2], (1.0 - 9.0, 2.0, 0.0), atol=1e-12)
 
 
+def test_stamps_that_are_shifted_are_those_of_both_transforms():
+    """Of the place of the body, too, which another estimator with the same offset publishes."""
+    node, publish, belief = built(frame='map', odom_frame='odom', tf_time_offset=0.1)
+    pose = (1.0, 0.0, 0.0, 0.0, 0.0, 0.5**0.5, 0.5**0.5)
+    take = node.subscriptions['/tf']
+    take(transform('odom', 'base_link', 9.0, *pose[1:], time=NOW))
+    take(transform('odom', 'base_link', *pose, time=NOW + SECOND // 10))
+    publish(NOW, belief, NOW)
+    ((_, stamp, to, _),) = node.sent
+    assert stamp == pytest.approx(100.1)
+    np.testing.assert_allclose(to, (0.0, 2.0, 0.0), atol=1e-12)
+
+
+def test_a_rival_beside_other_transforms_is_named():
+    node, publish, _ = built()
+    own, other = ('odom', 'base_link', (0.0,) * 6 + (1.0,)), ('a', 'b', (0.0,) * 6 + (1.0,))
+    for step in range(4):
+        node.now += SECOND // 10
+        node.subscriptions['/tf'](message(other, own, time=NOW + step))
+    level, said, _ = publish.report(Level.OK, 'consistent', {})
+    assert level is Level.WARN and "the transform 'odom' to 'base_link' is published by" in said
+
+
 def test_the_frame_between_may_be_placed_by_static_transforms():
     node, publish, belief = built(frame='map', odom_frame='odom')
     node.subscriptions['/tf_static'](

@@ -673,9 +673,52 @@ def test_a_converter_whose_output_no_filter_reads(tmp_path):
 def test_a_wildcard_has_the_name_of_the_file(tmp_path, capsys):
     file = tmp_path / 'theirs.yaml'
     ekf = f'{{ros__parameters: {{odom0: odom, odom0_config: {config("vx")}}}}}'
-    file.write_text(f'/**: {ekf}\nother: {ekf}\n')
+    file.write_text(f'/**: {ekf}\n')
     main([str(file), '--out', str(tmp_path / 'ours.yaml')])
-    assert (tmp_path / 'ours_theirs.yaml').is_file() and '*' not in capsys.readouterr().out
+    assert 'theirs: carried over' in capsys.readouterr().out
+
+
+def test_a_sensor_under_a_wildcard_is_one_of_every_filter(tmp_path):
+    """As ROS has it, whether the filters name sensors besides or not."""
+    gnss = f'odom1: odometry/gps, odom1_config: {config("x", "y")}'
+    file = tmp_path / 'theirs.yaml'
+    file.write_text(
+        f'/**:\n  ros__parameters: {{two_d_mode: true, frequency: 20.0, odom0: wheels, '
+        f'odom0_config: {config("vx")}, datum: [49.9, 8.7, 0.0], wait_for_datum: true}}\n'
+        'local:\n  ros__parameters: {world_frame: odom}\n'
+        f'everywhere:\n  ros__parameters: {{world_frame: map, {gnss}}}\n'
+    )
+    local, everywhere, converter = translated(their_nodes(file))
+    assert [each.name for each in (local, everywhere)] == ['local', 'everywhere']
+    for each in (local, everywhere):
+        assert each.values['model'] == 'robot_2d' and each.values['publish_rate'] == 20.0
+        assert 'odom0_velocity' in each.values['sensors']
+    assert everywhere.values['datum'] == [49.9, 8.7, 0.0]
+    assert {row.name for row in converter.rows} == {'datum', 'wait_for_datum'}
+
+
+def test_a_converter_in_any_namespace_is_that_of_the_filters(tmp_path):
+    sensors = f'odom0: odometry/gps, odom0_config: {config("x", "y")}'
+    file = tmp_path / 'theirs.yaml'
+    file.write_text(
+        '/**/navsat:\n  ros__parameters: {datum: [49.9, 8.7, 0.0], wait_for_datum: true}\n'
+        + ''.join(f'/{ns}/ekf:\n  ros__parameters: {{{sensors}}}\n' for ns in ('r1', 'r2'))
+    )
+    filters = [each for each in translated(their_nodes(file)) if each.values]
+    assert [each.title for each in filters] == ['r1/ekf', 'r2/ekf']
+    assert all(each.values['datum'] == [49.9, 8.7, 0.0] for each in filters)
+    assert all(each.values['odom0_fix.topic'] == 'gps/fix' for each in filters)
+
+
+def test_a_world_that_is_neither_map_nor_odom_has_no_transform(tmp_path):
+    lines = ('odom0: odom', f'odom0_config: {config("vx")}')
+    (found,) = translated(their_nodes(theirs(tmp_path, *lines, 'world_frame: earth')))
+    assert found.values['publish_tf'] is False and 'odom_frame' not in found.values
+    (row,) = (row for row in found.rows if row.name == 'publish_tf')
+    assert row.what == 'false: world_frame is neither map_frame nor odom_frame'
+    more = ('world_frame: /odom', 'odom_frame: odom')
+    (found,) = translated(their_nodes(theirs(tmp_path, *lines, *more)))
+    assert found.values['publish_tf'] is True and 'odom_frame' not in found.values
 
 
 def test_their_own_file_is_not_overwritten(tmp_path, capsys):

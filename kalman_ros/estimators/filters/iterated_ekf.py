@@ -29,7 +29,7 @@ from kalman_ros.linear.kernels import kernels
 from .ekf import ExtendedKalmanFilter
 
 #: Most steps, and most halvings of one.
-_STEPS, _HALVINGS = 10, 8
+_STEPS, _HALVINGS = 30, 8
 #: Squared distance of a step, in standard deviations of the belief, that is the last one.
 _CLOSE = 1e-12
 #: A change of the cost below this is rounding.
@@ -80,7 +80,11 @@ class IteratedExtendedKalmanFilter(ExtendedKalmanFilter):
 
         d = weight = np.zeros_like(x)
         known = cost(d, weight)
-        active = np.ones(known.shape, dtype=bool)  # each of many stops where it would alone
+        # without a finite misfit, as of a reading without noise, the extended filter has to do;
+        # each of many stops where it would alone
+        active = usable = np.isfinite(known)
+        if not np.any(usable):
+            return first
         for _ in range(_STEPS):
             ahead, share = step(d), np.ones(known.shape)
             for _ in range(_HALVINGS):
@@ -99,7 +103,13 @@ class IteratedExtendedKalmanFilter(ExtendedKalmanFilter):
                 break
         last = step(d)
         covariance = k.joseph(last.gain, last.H, P, R)
-        posterior = unchecked(space.arrived(x + d, x, covariance))
+        mean, covariance = space.arrived(x + d, x, covariance)
+        if not np.all(usable):
+            mean = np.where(usable[..., np.newaxis], mean, first.posterior.mean)
+            covariance = np.where(
+                usable[..., np.newaxis, np.newaxis], covariance, first.posterior.covariance
+            )
+        posterior = unchecked((mean, covariance))
         innovation, S = first.innovation, first.innovation_covariance
         return Correction(posterior, innovation, S, last.gain, last.H)
 

@@ -116,10 +116,13 @@ class TransformPublisher:
         try:
             self._sent.remove(stamp)
         except ValueError:
-            self._foreign.append(monotonic())
-            rivalry = self._rivalry()
-            if rivalry:
-                self._warn(rivalry)
+            self._note_foreign()
+
+    def _note_foreign(self) -> None:
+        self._foreign.append(monotonic())
+        rivalry = self._rivalry()
+        if rivalry:
+            self._warn(rivalry)
 
     def _now(self) -> int:
         return int(self._node.get_clock().now().nanoseconds)
@@ -157,6 +160,8 @@ class TransformPublisher:
             pair = each.parent, each.child
             if static or pair != own:
                 self._tree.add(*pair, self._now(), static=static)
+            else:  # beside others in a message, which none from here has
+                self._note_foreign()
         if self._options.odom_frame:
             self._write.history.add(transforms, static=static)
 

@@ -17,7 +17,7 @@ PATIENCE = 3.0
 _SOON, _LATER = 1.0, 30.0
 _ROS_OWN = ('/rosout', '/parameter_events', '/diagnostics')
 #: Topics that several nodes publish together.
-_SHARED = ('/tf', '/tf_static', '/bond')
+_SHARED = ('tf', 'tf_static', 'bond')
 
 
 class Connections:
@@ -112,9 +112,10 @@ class Connections:
         node = self._node
         publishers = node.get_publishers_info_by_topic(topic)
         ours, others = self._ours(publishers), _others(node, publishers)
-        if others and topic not in _SHARED:
+        shared = topic.rpartition('/')[2] in _SHARED  # in whatever namespace
+        if others and not shared:
             yield f'{topic}: {" and ".join(others)} publishes here, too'
-        if len(ours) > 1 and topic not in _SHARED:
+        if len(ours) > 1 and not shared:
             # the same words on all topics: one line
             yield f'there is a second node with the name {_name(ours[0])}'
         for here in ours:

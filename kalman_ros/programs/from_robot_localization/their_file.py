@@ -6,7 +6,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,14 @@ _NAVSAT = {
     'use_odometry_yaw', 'broadcast_utm_transform', 'broadcast_cartesian_transform',
     'broadcast_utm_transform_as_parent_frame', 'broadcast_cartesian_transform_as_parent_frame',
     'publish_filtered_gps', 'use_local_cartesian', 'delay',
+}  # fmt: skip
+#: Parameters of either node, which the converter may share.
+_OF_BOTH = {'frequency', 'use_sim_time', 'transform_timeout'}
+#: Parameters that a filter alone has, beside its sensors.
+_FILTER = {
+    'world_frame', 'odom_frame', 'map_frame', 'base_link_frame', 'two_d_mode', 'publish_tf',
+    'sensor_timeout', 'process_noise_covariance', 'initial_estimate_covariance', 'initial_state',
+    'print_diagnostics', 'use_control', 'history_length', 'smooth_lagged_data',
 }  # fmt: skip
 
 
@@ -44,6 +52,8 @@ class TheirNode:
     rows: list[Row] = field(default_factory=list)
     #: Parameters whose value cannot be used.
     unusable: set[str] = field(default_factory=set)
+    #: Whether its namespace may be any that begins so.
+    anywhere: bool = False
 
     @property
     def filters(self) -> bool:
@@ -135,10 +145,13 @@ def their_nodes(path: Path) -> list[TheirNode]:
     all_nodes = (
         list(_nodes(whole.value, (), path.stem)) if isinstance(whole.value, Mapping) else []
     )
-    # parameters under a wildcard are for all nodes
-    shared = [node for node in all_nodes if not node.name and not node.filters]
-    nodes = [node for node in all_nodes if node.name or node.filters]
-    if not any(node.filters for node in nodes):
+    # parameters under a wildcard are for all nodes; alone, they are those of one filter
+    named = [
+        node for node in all_nodes if node.name and (node.filters or _FILTER & {*node.values})
+    ]
+    shared = [node for node in all_nodes if not node.name and (named or not node.filters)]
+    nodes = [node for node in all_nodes if node not in shared]
+    if not any(node.filters for node in all_nodes):
         expected = 'expected a node with one of odom0, pose0, twist0, imu0'
         raise ValueError(f'{path.name}: {expected}')
     for node in nodes:
@@ -148,10 +161,18 @@ def their_nodes(path: Path) -> list[TheirNode]:
             words = f"node {node.name}: '{given}' is no name in ROS 2"
             node.rows.append(Row(max(1, line - 1), given, False, words))
         node.namespace = '/'.join(map(in_ros, filter(None, node.namespace.split('/'))))
-        if node.filters or node.navigates:
-            for wildcard in shared:
-                if f'{node.namespace}/'.startswith(f'{wildcard.namespace}/'.lstrip('/')):
-                    node.values = _merged(wildcard.values, node.values)
+        for wildcard in shared:
+            if f'{node.namespace}/'.startswith(f'{wildcard.namespace}/'.lstrip('/')):
+                given_to = _NAVSAT | _OF_BOTH if node.navigates else {*wildcard.values}
+                if node.navigates or node.filters or node in named:
+                    for_it = {k: v for k, v in wildcard.values.items() if k in given_to}
+                    node.values = _merged(for_it, node.values)
+    filters = dict.fromkeys(node.namespace for node in nodes if node.filters)
+    for node in [node for node in nodes if node.navigates and node.anywhere]:
+        spaces = [space for space in filters if space.startswith(node.namespace)]
+        if node.namespace not in spaces:
+            nodes.remove(node)
+            nodes += [replace(node, namespace=space, rows=[*node.rows]) for space in spaces]
     converters = {node.namespace: node for node in nodes if node.navigates}
     for node in [node for node in nodes if node.filters and _NAVSAT & {*node.values}]:
         converter = _split(node)
@@ -192,11 +213,12 @@ def _nodes(values: Mapping[str, Lined], parts: Sequence[str], stem: str) -> Iter
     last = parts[-1] if parts else stem
     name, space = '' if '*' in last else last, [part for part in parts[:-1] if '*' not in part]
     if any(map(SENSOR.fullmatch, values)) or _NAVSAT.intersection(values):
-        yield TheirNode(name, '/'.join(space), _flat(values))
+        yield TheirNode(name, '/'.join(space), _flat(values), anywhere=len(space) < len(parts) - 1)
         return
     for key, (value, _) in values.items():
         if key == 'ros__parameters' and isinstance(value, Mapping):
-            yield TheirNode(name, '/'.join(space), _flat(value))
+            wild = len(space) < len(parts) - 1
+            yield TheirNode(name, '/'.join(space), _flat(value), anywhere=wild)
         elif isinstance(value, Mapping):
             yield from _nodes(value, [*parts, *filter(None, str(key).split('/'))], stem)
 

@@ -161,7 +161,7 @@ def _name_topics(filters: Sequence[Translation]) -> None:
 
 def _is_global(node: TheirNode) -> bool:
     odom = node.value('odom_frame', 'odom')
-    return bool(node.value('world_frame', odom) != odom)
+    return bool(node.value('world_frame', odom).lstrip('/') != odom.lstrip('/'))
 
 
 def _filter(node: TheirNode, navigation: TheirNode | None) -> dict[str, Any]:
@@ -231,14 +231,19 @@ def _frames(node: TheirNode, parameters: dict[str, Any]) -> None:
     base, odom = node.value('base_link_frame', 'base_link'), node.value('odom_frame', 'odom')
     world = node.value('world_frame', odom)
     parameters.update(frame=world.lstrip('/'), child_frame=base.lstrip('/'))
-    parameters['publish_tf'] = node.value('publish_tf', True)
+    known = {each.lstrip('/') for each in (odom, node.value('map_frame', 'map'), base, '')}
+    nowhere = world.lstrip('/') not in known
+    parameters['publish_tf'] = node.value('publish_tf', True) and not nowhere
+    if nowhere:
+        node.add('publish_tf', 'false: world_frame is neither map_frame nor odom_frame')
     parameters['tf_time_offset'] = node.value('transform_time_offset', 0.0)
     node.note('transform_time_offset', 'tf_time_offset')
-    node.note('publish_tf', 'publish_tf')
+    node.note('publish_tf', 'publish_tf', carried=not nowhere)
     node.note('base_link_frame', 'child_frame')
     node.note('world_frame', 'frame')
     node.note('map_frame', 'frame, where it is world_frame')
-    node.note('odom_frame', 'odom_frame, or frame where it is world_frame')
+    used = 'odom_frame' if parameters['publish_tf'] and _is_global(node) else 'frame'
+    node.note('odom_frame', f'{used}, where it is world_frame' if used == 'frame' else used)
 
 
 def _commands(node: TheirNode, parameters: dict[str, Any], *, planar: bool) -> None:
