@@ -63,6 +63,7 @@ def export(
     idle_input: str | None = None,
     recover_after: int | None = None,
     max_gap: float | None = None,
+    transition_time: float | None = None,
     motion: Motion | None = None,
     compile: bool = True,
 ) -> Export:
@@ -89,6 +90,8 @@ def export(
         Rejections in a row after which the covariance is widened; 0: never.
     max_gap
         Seconds without a prediction after which the estimate restarts; 0: never.
+    transition_time
+        Seconds in which the jump of the input after an idle time decays; 0: at once.
     motion
         What the law can follow: a `kr.motion` of this scenario, with its gains, as a table.
     compile
@@ -119,16 +122,19 @@ def export(
         'idle_input': (idle_input, 'zero'),
         'gate_recover_after': (recover_after, Policy.recover_after),
         'max_gap': (max_gap, Policy.max_gap),
+        'transition_time': (transition_time, TRANSITION_TIME),
     }
-    idle, rejections, gap = (  # as in the file
+    idle, rejections, gap, transition = (  # as in the file
         values.get(key, default) if own is None else own for key, (own, default) in choices.items()
     )
     policy = Policy(
         recover_after=whole('recover_after', rejections, 0),
         max_gap=number('max_gap', gap, 'a number of seconds'),
     )
+    blend = number('transition_time', transition, 'a number of seconds')
     at_rest = idle_of(scenario.model, str(idle))
-    blend = number('transition_time', values.get('transition_time', TRANSITION_TIME), 'seconds')
+    if not 0.0 <= blend < inf:
+        raise ValueError(f'transition_time: expected at least 0 s, got {blend:g}')
     found = loop(scenario, policy, bounds, at_rest, control=control, motion=motion, blend=blend)
     source = f'{name}.yaml' if values and name else 'a scenario of Python'
     written = write(found, Path(out), name or 'loop', precision, source)

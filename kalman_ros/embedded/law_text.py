@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from .expressions import number, numbers
-from .loop import Law
+from .loop import LONGEST_PASSED, Law
 from .texts import addition, difference, text
 
 #: A step of the law of this many seconds or more is refused.
@@ -18,7 +18,8 @@ NAME_outcome NAME_hold(NAME_loop *loop, const NAME_real *reference);
 
 /* The input u for the estimate, within its limits, dt seconds after the last call; it acts. With
  * dt = 0 the rate limit allows for a period of the loop; dt below 0 or of 60 s or more is refused,
- * and u stays as it was. Where it would not be finite, u goes to the idle input.
+ * and u stays as it was. Integral and motion count half a second at most. Where u would not be
+ * finite, it goes to the idle input.
  */
 NAME_outcome NAME_control(NAME_loop *loop, NAME_real dt, NAME_real *u);
 
@@ -61,7 +62,7 @@ def law_texts(law: Law, rate: float) -> list[str]:
     feedback, limits = law.feedback, law.limits
     texts = [
         f'#define LAW\n#define N_MODEL {law.space.size}\n#define STEP {1.0 / rate!r}\n',
-        f'#define LONGEST {number(_LONGEST)}\n',
+        f'#define LONGEST {number(_LONGEST)}\n#define LONGEST_PASSED {number(LONGEST_PASSED)}\n',
         numbers('GAIN', feedback.gain),
         numbers('REST_STATE', law.rest.state),
         numbers('REST_INPUT', law.rest.input),

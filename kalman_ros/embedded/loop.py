@@ -28,6 +28,10 @@ _LONGEST_GAP, _MOST_REJECTIONS = 1e9, 1_000_000_000
 _LAWS = 'lqr', 'lqi', 'placement'
 
 
+#: Of a longer step the integral and the motion count this many seconds, as in the controller.
+LONGEST_PASSED = 0.5
+
+
 @dataclass(frozen=True)
 class Law:
     """A law about a point at rest, with its limits.

@@ -15,7 +15,7 @@ from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.scenario import regulator as regulators
 from kalman_ros.simulation.simulated_plant import SimulatedPlant
 
-from .loop import Loop
+from .loop import LONGEST_PASSED, Loop
 
 #: The numbers of outcomes in C.
 OUTCOMES = {
@@ -126,7 +126,7 @@ class Calls:
         law = self._loop.law
         assert law is not None
         x = self._estimator.predicted(self._time).mean[: law.space.size]
-        passed = dt if self._begun else 0.0
+        passed = min(dt, LONGEST_PASSED) if self._begun else 0.0
         if self._released:
             self._regulator.follow(x, self._limiter.value)
             self._released = False

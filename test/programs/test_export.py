@@ -153,3 +153,13 @@ def test_single_precision_is_refused_where_it_is_coarse(tmp_path):
     with pytest.raises(ValueError, match=r'^precision: float32 resolves north = 5e\+06 to 0.3'):
         kr.export(north, tmp_path / 'single', precision='float32', control=False)
     assert kr.export(north, tmp_path / 'double', control=False, compile=False)
+
+
+@pytest.mark.parametrize('seconds', [-1.0, np.nan, np.inf])
+def test_a_transition_is_a_time(tmp_path, seconds):
+    with pytest.raises(ValueError, match='^transition_time: expected at least 0 s, got'):
+        kr.export('dc_motor', tmp_path / 'c', transition_time=seconds, compile=False)
+    kr.export('dc_motor', tmp_path / 'd', transition_time=0.0, compile=False)
+    assert '#define BLEND' not in (tmp_path / 'd' / 'dc_motor.c').read_text()
+    kr.export('dc_motor', tmp_path / 'e', compile=False)
+    assert '#define BLEND R(0.5)' in (tmp_path / 'e' / 'dc_motor.c').read_text()

@@ -141,7 +141,7 @@ NAME_outcome NAME_control(loop_state *s, real dt, real *u)
         memcpy(u, s->output, sizeof s->output);
         return PREFIX_BAD_TIME;
     }
-    const real passed = s->begun ? dt : 0;
+    const real passed = s->begun ? fmin(dt, LONGEST_PASSED) : 0;
     if (s->released) { /* from the idle input on */
 #ifdef TRACKED
         memset(s->integral, 0, sizeof s->integral);
@@ -153,7 +153,7 @@ NAME_outcome NAME_control(loop_state *s, real dt, real *u)
     }
 #ifdef MOTION
     if (s->following) {
-        s->elapsed += s->following > 1 ? (double)dt : 0;
+        s->elapsed += s->following > 1 ? (double)passed : 0;
         s->following = s->elapsed < DURATION ? 2 : 0;
         aim(s);
     }
