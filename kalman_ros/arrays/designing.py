@@ -19,6 +19,7 @@ from kalman_ros.analysis.design_theory import report
 from kalman_ros.control.limiter import LIMITS
 from kalman_ros.control.stability import Mode
 from kalman_ros.core import Array, Dynamics
+from kalman_ros.core.known_arguments import knows_arguments
 from kalman_ros.core.known_names import KnownNames
 from kalman_ros.linear.structure import ComplexArray
 from kalman_ros.scenario import Scenario
@@ -134,6 +135,7 @@ class Design(KnownNames):
         drawings[what](self.report, _path(path))
 
 
+@knows_arguments()
 def design(
     scenario: Any = 'mass_spring_damper_2d',
     overrides: Mapping[str, Any] | None = None,

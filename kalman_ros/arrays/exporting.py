@@ -14,6 +14,7 @@ from kalman_ros.control.feedback import TRANSITION_TIME
 from kalman_ros.control.limiter import LIMITS
 from kalman_ros.control.motion import Motion
 from kalman_ros.core import ArrayLike
+from kalman_ros.core.known_arguments import knows_arguments
 from kalman_ros.core.known_names import KnownNames
 from kalman_ros.embedded.loop import loop
 from kalman_ros.embedded.writing import Built, Written, build, write
@@ -50,6 +51,7 @@ class Export(KnownNames):
         return '\n'.join([*lines, *text.table(['', self.built.command], self.built.rows)])
 
 
+@knows_arguments(folder='out', dir='out', path='out', float32="precision: 'float32'")
 def export(
     scenario: Scenario | str | Path | Mapping[str, Any],
     out: str | Path,

@@ -17,6 +17,7 @@ from kalman_ros.analysis.tuning.likelihood import Likelihood
 from kalman_ros.analysis.tuning.observations import Observations, Readings
 from kalman_ros.analysis.tuning.walk import Conditions
 from kalman_ros.core import Array, ArrayLike
+from kalman_ros.core.known_arguments import knows_arguments
 from kalman_ros.core.known_names import KnownNames
 from kalman_ros.estimators.diffuse import check_start
 from kalman_ros.estimators.policy import Policy
@@ -110,6 +111,15 @@ class Tuning(KnownNames):
         return '\n'.join(lines)
 
 
+@knows_arguments(
+    parameters='fit',
+    params='fit',
+    p0='fit',
+    x0='initial',
+    t='times',
+    y='readings',
+    u='inputs',
+)
 def tune(
     problem: Problem,
     times: Any = None,

@@ -14,6 +14,7 @@ import numpy as np
 from kalman_ros.control.motion import Motion
 from kalman_ros.control.planning import ReferenceMotion
 from kalman_ros.core import Array, ArrayLike
+from kalman_ros.core.known_arguments import knows_arguments
 from kalman_ros.scenario import Scenario, motions, reference_motions
 from kalman_ros.scenario.reference_motions import along_path
 
@@ -21,6 +22,9 @@ from .accept import number, numbers
 from .loop_setup import Given, law_of
 
 
+@knows_arguments(
+    waypoints='path', points='path', T='seconds', duration='seconds', v='speed', a='acceleration'
+)
 def motion(
     scenario: Scenario | str | Path | Mapping[str, Any] = 'mass_spring_damper_2d',
     overrides: Mapping[str, Any] | None = None,

@@ -22,6 +22,7 @@ from kalman_ros.core import (
     refuse_unknown,
 )
 from kalman_ros.core import linearize as linear_system
+from kalman_ros.core.known_arguments import knows_arguments
 
 from .accept import check_still, number, numbers
 from .foreign import is_foreign
@@ -30,6 +31,7 @@ from .foreign import is_foreign
 Point = Optional[Union[Sequence[ArrayLike], Mapping[str, float]]]
 
 
+@knows_arguments(x0='near', x='near')
 def trim(model: Model | DiscreteModel, given: Point = None, near: Point = None) -> OperatingPoint:
     """Return a state and an input at which a model rests.
 
@@ -74,6 +76,7 @@ def trim(model: Model | DiscreteModel, given: Point = None, near: Point = None) 
         raise ValueError(f'model: {error}; try another near=...') from None
 
 
+@knows_arguments(x='point', x0='point', u='input', u0='input')
 def linearize(
     model: Model | DiscreteModel, point: Point = None, input: ArrayLike | None = None
 ) -> LinearSystem | DiscreteLinearSystem:

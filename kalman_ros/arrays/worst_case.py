@@ -17,6 +17,7 @@ from kalman_ros.analysis.worst_case import Plant, WorstCases, named_plants, wors
 from kalman_ros.control.margins import Margins
 from kalman_ros.control.worst_case import Bracket
 from kalman_ros.core import Array, Dynamics, refuse_unknown
+from kalman_ros.core.known_arguments import knows_arguments
 from kalman_ros.core.known_names import KnownNames
 from kalman_ros.scenario import Scenario
 
@@ -101,6 +102,7 @@ class WorstCase(KnownNames):
         return '\n'.join(line.rstrip() for line in out.getvalue().splitlines() if line.strip())
 
 
+@knows_arguments(uncertainty='intervals', ranges='intervals', bounds='intervals')
 def worst_case(
     design: Design | Scenario | str | Path | Mapping[str, Any],
     intervals: Intervals,

@@ -16,6 +16,7 @@ from kalman_ros.codecs.messages import UndecodableError, full_type
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import is_finite
+from kalman_ros.core.known_arguments import knows_arguments
 from kalman_ros.pipeline.settings import Settings, settings
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import from_file, own_section
@@ -64,6 +65,7 @@ def estimator_settings(
     return settings(parameters)
 
 
+@knows_arguments(params='scenario', parameters='scenario', file='bag', seconds='end')
 def replay(
     bag: str | Path,
     scenario: str | Path | Mapping[str, Any] | None = None,
