@@ -86,6 +86,10 @@ def test_what_lags_is_found_with_its_time(clean, lagging_behind):
     assert not any(finding.kind == 'lag' for finding in diagnose(clean).findings)
 
 
+def test_chance_is_no_lag(clean):
+    assert not [*sensor_lag.find(Examination(clean))]
+
+
 def test_what_is_late_is_late():
     moving = recorded('robot_2d', seconds=16.0, seed=4)
     record = moving.sensors['position']

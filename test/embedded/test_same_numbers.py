@@ -260,6 +260,8 @@ def test_the_input_goes_on_from_the_idle_one(name, changes, tmp_path):
         for step in range(250):
             idle = 100 <= step < 150
             calls += [python.predict(0.01), python.idle(0.01) if idle else python.control(0.01)]
+        calls += [python.predict(0.01), python.control(5.0)]  # of which half a second counts
+        calls += [python.predict(0.01), python.control(0.01)]
         folder = tmp_path / str(blend)
         folder.mkdir()
         assert differences(Exported(loop, folder), calls).max() < CLOSE

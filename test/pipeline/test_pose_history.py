@@ -75,6 +75,14 @@ def test_a_way_of_several_transforms_has_each_at_the_time():
     assert static.at(0, 0.0).translation[0] == 7.0
 
 
+def test_another_parent_begins_a_new_way():
+    history = FrameHistory('odom', 'base_link')
+    add(history, ('odom', 'deck', turned(0.0, 0.0)), static=True)
+    add(history, ('odom', 'base_link', turned(1.0, 0.0)))
+    add(history, ('deck', 'base_link', turned(5.0, 0.0)), time=SECOND)
+    assert history.at(SECOND // 2, 1.0).translation[0] == 5.0
+
+
 def arc(seconds):
     """Return a pose on a circle at 1 m/s and 0.5 rad/s."""
     a = 0.5 * seconds
