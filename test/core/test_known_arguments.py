@@ -40,6 +40,12 @@ def test_a_wrong_argument_is_answered(call, words):
         call()
 
 
+def test_an_error_within_the_function_is_its_own():
+    with pytest.raises(TypeError) as caught:
+        function('x')
+    assert caught.traceback[-1].name == 'function'
+
+
 def test_what_fits_is_called_as_it_was():
     assert function(1, dt=2) == 3
     assert str(inspect.signature(function)) == '(a, b=None, *, dt=0.0)'
