@@ -38,7 +38,6 @@ from . import (
     quantisation,
     rate,
     saturation,
-    sensor_lag,
     stamps,
     stretch,
     units,
@@ -61,7 +60,7 @@ PLAIN: Sequence[Detector] = (
 FITTED: Sequence[Detector] = (
     units.find, mounting.find, unrelated.find, outliers.find, lateness.hidden, bias.find,
     inputs.find, contradicted_parameters.find, first_belief.find, noise_levels.find,
-    lever_arms.find, stretch.find, sensor_lag.find,
+    lever_arms.find, stretch.find,
 )  # fmt: skip
 #: Detectors of findings that hold from the first seconds on.
 SIMPLE: Sequence[Detector] = (

@@ -12,7 +12,6 @@ from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.body_roles import body_of
 from kalman_ros.scenario.lever_arm import LeverArm
 
-from . import lagging
 from .evidence import Evidence
 from .parameters import STEP, varied
 from .passage import Passage
@@ -85,11 +84,7 @@ def _sensor_columns(
     if arms is not None:
         block = np.concatenate((block, arms), axis=2)
         labels += [('arm', name, axis) for axis in 'xyz']
-    times = np.array([event.time for event in events])
-    output = evidence.scenario.sensors[name].sensor.output
-    of_lags, effects = lagging.columns(times, values, output)
-    labels += [(kind, name, lag) for kind, lag in of_lags]
-    return np.concatenate((block, effects), axis=2), labels
+    return block, labels
 
 
 def displaced(scenario: Scenario, name: str, X: Array) -> Array | None:
