@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from typing import NamedTuple
 
@@ -25,6 +26,12 @@ class StampedTransform(NamedTuple):
     child: str
     translation: tuple[float, ...]
     quaternion: tuple[float, ...]
+
+    @property
+    def is_rigid(self) -> bool:
+        """Whether it is a place and a rotation: all numbers finite, the quaternion not zero."""
+        numbers = (*self.translation, *self.quaternion)
+        return all(map(math.isfinite, numbers)) and any(self.quaternion)
 
 
 def transforms_in(data: bytes) -> list[StampedTransform]:

@@ -28,7 +28,7 @@ _LONGEST_GAP, _MOST_REJECTIONS = 1e9, 1_000_000_000
 _LAWS = 'lqr', 'lqi', 'placement'
 
 
-#: Of a longer step the integral and the motion count this many seconds, as in the controller.
+#: The most seconds of one step that integral and motion count, as the controller does.
 LONGEST_PASSED = 0.5
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kalman_ros.codecs.transform_list import StampedTransform, transforms_in
-from kalman_ros.core import Array, is_finite
+from kalman_ros.core import Array
 from kalman_ros.core import rotations as so3
 
 #: The topics of transforms, and of those that do not change.
@@ -45,12 +45,10 @@ class Placement(NamedTuple):
 _HERE = Placement(np.zeros(3), np.zeros(3))
 
 
-def placement_of(transform: StampedTransform) -> Placement | None:
-    """Return the placement by a transform; None if it is not finite or not a rotation."""
-    place, q = np.array(transform.translation), np.array(transform.quaternion)
-    if not (is_finite(place) and is_finite(q) and q.any()):
-        return None
-    return Placement(place, so3.from_quaternion(q / np.abs(q).max()))
+def placement_of(transform: StampedTransform) -> Placement:
+    """Return the placement by a transform that is rigid."""
+    q = np.array(transform.quaternion)
+    return Placement(np.array(transform.translation), so3.from_quaternion(q / np.abs(q).max()))
 
 
 class Frames:
@@ -70,13 +68,13 @@ class Frames:
             If the bytes are not those of such a message.
         """
         for transform in transforms_in(data):
-            placement = placement_of(transform)
-            known = transform.child in self._parents or len(self._parents) < _MOST_FRAMES
-            if placement is None and len(self.refused) < _MOST_FRAMES:
-                self.refused.add(transform.child)
-            if known and placement is not None:
-                self.refused.discard(transform.child)
-                self._parents[transform.child] = transform.parent, placement
+            child = transform.child
+            if not transform.is_rigid:
+                if len(self.refused) < _MOST_FRAMES:
+                    self.refused.add(child)
+            elif child in self._parents or len(self._parents) < _MOST_FRAMES:
+                self.refused.discard(child)
+                self._parents[child] = transform.parent, placement_of(transform)
 
     def placement(self, frame: str, base: str) -> Placement | None:
         """Return the placement of ``frame`` in ``base``; None if no transforms connect them."""

@@ -6,7 +6,7 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Iterable
-from math import isfinite, sin
+from math import sin
 
 import numpy as np
 
@@ -105,10 +105,9 @@ class FrameHistory:
     def add(self, transforms: Iterable[StampedTransform], *, static: bool) -> None:
         """Add the transforms of a message, but those that are none."""
         for transform in transforms:
-            child, quaternion = transform.child, transform.quaternion
+            child = transform.child
             known = child in self._links or len(self._links) < _MOST_FRAMES
-            finite = all(map(isfinite, (*transform.translation, *quaternion)))
-            if not known or not finite or not any(quaternion):
+            if not known or not transform.is_rigid:
                 continue
             before = self._links.get(child)
             if before is not None and before[0].parent != transform.parent:
@@ -131,8 +130,6 @@ class FrameHistory:
         """Note where the last transform places a frame on the way."""
         transform, static = self._links[child]
         placement = placement_of(transform)
-        if placement is None:
-            return
         if static:
             self._static[child] = placement
             self._histories.pop(child, None)
