@@ -5,19 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from thorough import mostly_thorough
+from tools.doctor_score.cases import cases
+from tools.doctor_score.recordings import (
+    Injection,
+    recorded,
+    stamps_of,
+    values_of,
+)
 
 from kalman_ros.analysis.diagnosis import gross, stamps
 from kalman_ros.analysis.diagnosis.diagnose import diagnose
 from kalman_ros.analysis.diagnosis.evidence import misfit
 from kalman_ros.analysis.diagnosis.examination import Examination
 from kalman_ros.core import rotations
-from kalman_ros.programs.doctor.cases import cases
-from kalman_ros.programs.doctor.recordings import (
-    Injection,
-    recorded,
-    stamps_of,
-    values_of,
-)
 from kalman_ros.scenario import build
 
 pytestmark = pytest.mark.slow

@@ -8,14 +8,14 @@ from math import radians
 
 import numpy as np
 import pytest
-
-from kalman_ros.analysis.diagnosis.diagnose import diagnose
-from kalman_ros.programs.doctor.recordings import (
+from tools.doctor_score.recordings import (
     Injection,
     recorded,
     stamps_of,
     values_of,
 )
+
+from kalman_ros.analysis.diagnosis.diagnose import diagnose
 
 pytestmark = pytest.mark.slow
 

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tools.doctor_score.recordings import recorded
 
 from kalman_ros.analysis.diagnosis import inputs, noise_levels, rate
 from kalman_ros.analysis.diagnosis.belief_walk import Walk
 from kalman_ros.analysis.diagnosis.examination import Examination
 from kalman_ros.analysis.records import InputRecord
 from kalman_ros.estimators.filters.ekf import ExtendedKalmanFilter
-from kalman_ros.programs.doctor.recordings import recorded
 
 
 @pytest.fixture(scope='module')

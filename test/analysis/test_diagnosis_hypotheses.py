@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tools.doctor_score.recordings import Injection, recorded
 
 from kalman_ros.analysis.diagnosis import common_noise, leftover, saturation, stretch
 from kalman_ros.analysis.diagnosis.bias import without_declared
@@ -15,7 +16,6 @@ from kalman_ros.analysis.diagnosis.outliers import runs_of
 from kalman_ros.analysis.diagnosis.parameters import parameter, parameters
 from kalman_ros.analysis.diagnosis.passage import Passage
 from kalman_ros.analysis.diagnosis.units import conversions
-from kalman_ros.programs.doctor.recordings import Injection, recorded
 
 
 def edited(evidence, name, change):

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tools.doctor_score.array_replay import replay
+from tools.doctor_score.recordings import Injection, recorded
 
 from kalman_ros.analysis.diagnosis import outliers
-from kalman_ros.analysis.diagnosis.array_replay import replay
 from kalman_ros.analysis.diagnosis.bias import courses_of
 from kalman_ros.analysis.diagnosis.evidence import misfit
 from kalman_ros.analysis.diagnosis.examination import Examination
@@ -19,7 +20,6 @@ from kalman_ros.analysis.diagnosis.stamps import slope
 from kalman_ros.analysis.records import InputRecord
 from kalman_ros.linear import single
 from kalman_ros.linear.single import gain
-from kalman_ros.programs.doctor.recordings import Injection, recorded
 
 SCENARIO = 'mass_spring_damper'
 

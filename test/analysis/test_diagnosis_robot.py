@@ -8,8 +8,8 @@ import sys
 
 import numpy as np
 import pytest
+from tools.doctor_score.array_replay import replay
 
-from kalman_ros.analysis.diagnosis.array_replay import replay
 from kalman_ros.analysis.diagnosis.beginning import likeliest
 from kalman_ros.analysis.diagnosis.diagnose import diagnose
 from kalman_ros.analysis.diagnosis.passage import passage

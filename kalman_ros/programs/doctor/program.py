@@ -33,8 +33,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog='doctor', description=__doc__,
         epilog='Exit code: 0 if nothing was found or a file proposed, 1 if something was found, '
-        '2 for a bad argument or if no scenario fits. '
-        'doctor --score --help has the options of the score.',
+        '2 for a bad argument or if no scenario fits.',
     )  # fmt: skip
     parser.add_argument(
         'bag',
@@ -49,23 +48,13 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         '--out', type=Path, metavar='DIR', help='for the results (default: out/BAG/doctor)'
     )
-    parser.add_argument(
-        '--score', action='store_true', help='inject every known fault, and score the diagnosis'
-    )
     return parser.parse_args(argv)
 
 
 @interruptible('doctor')
 def main(argv: Sequence[str] | None = None) -> None:
     """Diagnose a bag; exit with 1 if there is a finding."""
-    words = list(sys.argv[1:] if argv is None else argv)
-    if '--score' in words:
-        from . import score  # the simulation of recordings is slow to import
-
-        words.remove('--score')
-        score.main(words)
-        return
-    options = arguments(words)
+    options = arguments(argv)
     console = Console(highlight=False)
     try:
         if not options.bag.exists():

@@ -12,7 +12,7 @@ _HEAD = """# How often the diagnosis is right
 **Every recording is from our own simulation, and goes through the estimator's own replay, with its
 windows, gates and outcomes, before the diagnosis looks at it, as one of `./dev doctor BAG` does.**
 
-Made by `./dev doctor --score --page docs/explanation/doctor.md`: recordings of {seconds:g} s from
+Made by `./dev doctor_score --page docs/explanation/doctor.md`: recordings of {seconds:g} s from
 simulation, seed {seed}, with one fault each, with two, and with none. A cause counts as found if
 kind and sensor (or input, or parameter) are right. *Tied* means that the first finding names
 another cause and adds that this one fits the data as well: a bias of one of two sensors that
@@ -33,15 +33,13 @@ R. Mehra and J. Peschon, 1971), and the derivatives by every noise variance (N. 
 """
 
 
-def page(rows: Sequence[Any], seconds: float, seed: int, planned: int = 0) -> str:
-    """Return the page of a score, which is incomplete if more rows were ``planned``."""
-    return ''.join(f'{line}\n' for line in _lines(rows, seconds, seed, planned))
+def page(rows: Sequence[Any], seconds: float, seed: int) -> str:
+    """Return the page of a score."""
+    return ''.join(f'{line}\n' for line in _lines(rows, seconds, seed))
 
 
-def _lines(rows: Sequence[Any], seconds: float, seed: int, planned: int) -> Iterator[str]:
+def _lines(rows: Sequence[Any], seconds: float, seed: int) -> Iterator[str]:
     yield _HEAD.format(seconds=seconds, seed=seed)
-    if len(rows) < planned:
-        yield f'The score was interrupted: {len(rows)} of {planned} recordings are in it.\n'
     single = [row for row in rows if len(row.ranks) == 1]
     pairs = [row for row in rows if len(row.ranks) == 2]
     clean = [row for row in rows if not row.ranks]

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.analysis.diagnosis.array_replay import replay
 from kalman_ros.analysis.diagnosis.evidence import Evidence
 from kalman_ros.analysis.records import InputRecord
 from kalman_ros.core import Array, Gaussian, linearize
@@ -21,6 +20,8 @@ from kalman_ros.simulation.faults.body import BodyFaults, BodyOptions
 from kalman_ros.simulation.faults.links import Links
 from kalman_ros.simulation.noise import stream
 from kalman_ros.simulation.simulated_plant import SimulatedPlant
+
+from .array_replay import replay
 
 #: Least delay from a publisher to the recorder, and the mean of its random part (s).
 _TRANSPORT = 0.0005

@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 
 from kalman_ros import scenario as scenarios
+from kalman_ros.analysis.diagnosis.evidence import Evidence, changed
 from kalman_ros.analysis.records import Beliefs, InputRecord, SensorRecord
 from kalman_ros.core import Array
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.estimators.timeline import Arrival
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.estimation import estimation
-
-from .evidence import Evidence, changed
 
 #: Options of the policy, with the parameters of the estimator's node that set them.
 _POLICY = {

@@ -20,8 +20,8 @@ from kalman_ros.programs.refusal import refuse
 from kalman_ros.programs.results import ready
 
 from .cases import SCENARIOS, Case, cases, pairs
+from .page import page
 from .recordings import recorded
-from .score_page import page
 
 #: Number of findings that are kept of each recording.
 _KEPT = 5
@@ -55,7 +55,7 @@ class Row:
 
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     """Return the parsed command line."""
-    parser = argparse.ArgumentParser(prog='doctor --score', description=__doc__)
+    parser = argparse.ArgumentParser(prog='doctor_score', description=__doc__)
     parser.add_argument(
         '--seconds', type=float, default=60.0, metavar='S',
         help='length of each recording (default: %(default)g)',
@@ -173,7 +173,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         target = options.page or folder / 'doctor.md'
         target.write_text(page(rows, options.seconds, options.seed))
     except (ValueError, OSError) as error:
-        refuse('doctor', error)
+        refuse('doctor_score', error)
     single = [result for result in rows if len(result.ranks) == 1]
     first = sum(result.ranks == [1] for result in single)
     alarms = sum(bool(result.found) for result in rows if not result.ranks)
@@ -203,7 +203,3 @@ def _parallel(planned: Sequence[Work], jobs: int) -> Iterable[tuple[str, Row]]:
         waiting = {pool.submit(how, *args): key for _, key, how, args in planned}
         for done in track(as_completed(waiting), 'scoring', total=len(waiting)):
             yield waiting[done], done.result()
-
-
-if __name__ == '__main__':
-    main()
