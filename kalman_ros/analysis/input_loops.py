@@ -206,10 +206,11 @@ def _analyse_loops(loop: Broken, delay: float) -> list[Loop]:
         return [Loop(each, found, found) for each, found in zip(broken, designed)]
     delayed = loop(delay)
     broken = (delayed.channel(index) for index in range(len(designed)))
-    return [Loop(each, _margins_or_none(each), found) for each, found in zip(broken, designed)]
+    return [Loop(each, margins_or_none(each), found) for each, found in zip(broken, designed)]
 
 
-def _margins_or_none(loop: StateSpace) -> Margins | None:
+def margins_or_none(loop: StateSpace) -> Margins | None:
+    """Return the margins of a broken loop; None if it is unstable once closed."""
     try:
         return margins(loop)
     except DesignError:

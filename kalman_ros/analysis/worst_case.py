@@ -24,11 +24,11 @@ from kalman_ros.control.worst_case import (
     worst_cost,
     worst_peak,
 )
-from kalman_ros.core import Array, DesignError, is_finite
+from kalman_ros.core import Array, is_finite
 from kalman_ros.scenario import Scenario, build
 from kalman_ros.scenario.regulator import feedback, price
 
-from .input_loops import even_estimator, even_noise
+from .input_loops import even_estimator, even_noise, margins_or_none
 from .observability import stacked
 from .tuning.named_parameters import NamedParameters
 
@@ -248,11 +248,3 @@ def _check(box: Mapping[str, tuple[float, float, float]]) -> None:
                 f'{name}: expected low < high about its designed value {nominal:g}, '
                 f'got {low:g} to {high:g}'
             )
-
-
-def margins_or_none(loop: StateSpace) -> Margins | None:
-    """Return the margins of a broken loop; None if it is unstable once closed."""
-    try:
-        return margins_of(loop)
-    except DesignError:
-        return None

@@ -27,8 +27,6 @@ from .readiness import missing
 
 #: Time in seconds of a prompt answer, and number of rounds of twice that time in a call.
 _PROMPT, _ROUNDS = 1.0, 15
-#: Time limit in seconds for the connection of all nodes.
-_PATIENCE = 60.0
 
 
 class NodeError(RuntimeError):
@@ -69,14 +67,17 @@ class LaunchedNodes:
             self.close()
             raise
 
-    def launch(self, topics: Sequence[str] = ()) -> None:
-        """Start all nodes, and wait until they and the subscribers of ``topics`` are connected."""
+    def launch(self, topics: Sequence[str] = (), patience: float = 60.0) -> None:
+        """Start all nodes, and wait until they and the subscribers of ``topics`` are connected.
+
+        Earlier messages are lost. ``patience`` is a time limit in seconds.
+        """
         self.listen()
         names = self._node_set.names
         for name in names:
             self.start(name)
         unready = partial(missing, names, self.diagnostics, topics)
-        self.wait(lambda: not unready(), _PATIENCE, lambda: f'not ready: {unready()}')
+        self.wait(lambda: not unready(), patience, lambda: f'not ready: {unready()}')
 
     def listen(self) -> None:
         """Subscribe to the diagnostics of the nodes."""

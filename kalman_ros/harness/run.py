@@ -24,7 +24,6 @@ from .confirmation import WINDOW, Confirmation
 from .launched_nodes import LaunchedNodes, NodeError
 from .node_set import NodeSet
 from .progress import Progress
-from .readiness import missing
 from .recorder import Recorder
 from .run_recording import RunRecording
 from .to_trajectory import signals, to_trajectory
@@ -103,10 +102,7 @@ class Run(LaunchedNodes):
     def __enter__(self) -> Run:
         self.open(sockets=not self.lockstep)
         with self.starting():
-            self._listen()
-            for name in self._node_set.names:
-                self.start(name)
-            self._until_ready()
+            self.launch(self._record_topics(), patience=120.0)
         return self
 
     def close(self) -> None:
@@ -128,7 +124,8 @@ class Run(LaunchedNodes):
         if self._recording is not None:
             self._recording.flush()
 
-    def _listen(self) -> None:
+    def _record_topics(self) -> Sequence[str]:
+        """Begin the record of a run, and return its topics."""
         self.recorder = Recorder(self.node, self._record)
         self.recorder.on_message = self._progress.update
         if self._recording_folder is not None:
@@ -139,17 +136,8 @@ class Run(LaunchedNodes):
             self._confirmation = Confirmation(self.node, self.scenario, self.recorder)
             if self._recording is not None:
                 self._confirmation.write_to(self._recording)
-        self.listen()
-
-    def _until_ready(self) -> None:
-        """Wait until publishers and subscribers are connected; earlier messages are lost."""
-        self.wait(lambda: not self._unready(), 120.0, lambda: f'not ready: {self._unready()}')
-
-    def _unready(self) -> str:
-        topics = self.recorder.topics
-        if self._confirmation is not None:
-            topics = [*topics, self._confirmation.topic]
-        return missing(self._node_set.names, self.diagnostics, topics)
+            return [*self.recorder.topics, self._confirmation.topic]
+        return self.recorder.topics
 
     def advance(self, seconds: float, progress: Callable[[float], None] | None = None) -> None:
         """Let the plant continue for ``seconds`` of simulated time, and record all messages.

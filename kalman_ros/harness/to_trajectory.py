@@ -3,26 +3,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from kalman_ros.core import Array, Signal
 from kalman_ros.pipeline.estimate_topics import covariance_signal, innovation_signal
-from kalman_ros.scenario import Scenario
+from kalman_ros.scenario import Scenario, SensorSource
 from kalman_ros.simulation.trajectory import Innovations, Series, Trajectory
 
 from .recorder import Recorder
 
 
-def signals(scenario: Scenario) -> dict[str, Signal]:
-    """Return the signals of the plant, the estimator and the controller, by topic."""
+def signals(
+    scenario: Scenario, sensors: Mapping[str, SensorSource] | None = None
+) -> dict[str, Signal]:
+    """Return the signals of the plant, the estimator and the controller, by topic.
+
+    The sensors are those that are enabled, unless they are given.
+    """
     state = scenario.state
     covariance = covariance_signal(state)
     by_topic = {'ground_truth': state, state.topic: state, covariance.topic: covariance}
     if scenario.input.fields:
         by_topic[scenario.input.topic] = scenario.input
-    for name, source in scenario.enabled.items():
+    for name, source in (scenario.enabled if sensors is None else sensors).items():
         innovation = innovation_signal(state, name, source.sensor.output)
         by_topic[source.signal.topic] = source.signal
         by_topic[innovation.topic] = innovation

@@ -54,11 +54,6 @@ def times(A: Array, x: Array) -> Array:
     return np.asarray(np.einsum('...ij,...j->...i', A, x))
 
 
-def quadratic(x: Array, A: Array) -> Array:
-    """Return x' A x (...,)."""
-    return np.asarray(np.einsum('...i,...i->...', x, times(A, x)))
-
-
 def affine(F: Array, x: Array, G: Array, u: Array) -> Array:
     """Return F x + G u (..., n)."""
     return times(F, x) + times(G, u)

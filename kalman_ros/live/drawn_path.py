@@ -14,6 +14,7 @@ from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.body_roles import body_of
 
 from .adjustments import Adjustments
+from .page_command import are_numbers
 
 #: Largest number of points, and largest magnitude of a coordinate in metres.
 _MOST, _FARTHEST = 200, 1e6
@@ -51,7 +52,9 @@ def points_of(scenario: Scenario, given: Sequence[Any]) -> Array:
     axes = map_axes(scenario)
     if not axes:
         raise ValueError('path: the state has no position in a plane')
-    if not 2 <= len(given) <= _MOST or not all(map(_is_point, given)):
+    if not 2 <= len(given) <= _MOST or not all(
+        are_numbers(pair, _PLANE, _FARTHEST) for pair in given
+    ):
         raise ValueError(f'path: expected 2 to {_MOST} pairs of numbers up to {_FARTHEST:g}')
     points = np.zeros((len(given), 3))
     points[:, ['xyz'.index(axis) for axis in axes]] = given
@@ -99,11 +102,3 @@ class DrawnPath:
     def _count(self, outcome: str) -> int:
         text = self.reported(f'motions {outcome}')
         return int(text) if text.isdigit() else 0
-
-
-def _is_point(pair: Any) -> bool:
-    return (
-        isinstance(pair, list)
-        and len(pair) == _PLANE
-        and all(type(part) in (int, float) and abs(part) <= _FARTHEST for part in pair)
-    )

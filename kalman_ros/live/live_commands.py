@@ -23,7 +23,7 @@ from .ghost import Ghost
 from .limits import limited
 from .live_nodes import FOREVER, LiveNodes
 from .pace import Pace
-from .page_command import Command
+from .page_command import Command, are_numbers
 from .scene import force_scale, places
 from .streams import Streams
 
@@ -210,7 +210,7 @@ class LiveCommands:
     def _poles(self, command: Mapping[str, Any], _: float) -> None:
         """Place the poles of the regulator or of a Luenberger observer."""
         pairs = command.get('poles') or []
-        if not pairs or not all(map(_is_pole, pairs)):
+        if not pairs or not all(are_numbers(pair, 2, _FASTEST) for pair in pairs):
             raise ValueError('poles: expected pairs of finite numbers up to 1e9')
         real, imaginary = ([float(part) for part in parts] for parts in zip(*pairs))
         if command.get('of') == 'estimator':
@@ -254,7 +254,7 @@ class LiveCommands:
         shares = command.get('shares')
         if shares is None and type(index) is int and index in range(size):
             shares = [share if k == index else 0.0 for k in range(size)]
-        if shares is None or len(shares) != size or not all(map(_is_share, shares)):
+        if not are_numbers(shares, size, _MOST):
             expected = f'the number of an input, and a share up to {_MOST:g}'
             raise ValueError(f'push: expected {expected}')
         self._nodes.push(np.array(shares, dtype=float) * self._scale)
@@ -265,7 +265,7 @@ class LiveCommands:
         names, values = command.get('names') or [], command.get('values') or []
         state, truth = self._nodes.scenario.model.state, self._truth_to_change('carry')
         known = all(isinstance(name, str) and name in state.names for name in names)
-        if not names or not known or len(values) != len(names) or not all(map(_is_place, values)):
+        if not names or not known or not are_numbers(values, len(names), _FAR):
             raise ValueError(f'carry: expected names of states and finite numbers up to {_FAR:g}')
         place = truth.copy()
         place[[state.names.index(name) for name in names]] = values
@@ -286,9 +286,9 @@ class LiveCommands:
         """Move a sensor, which no other node knows."""
         name, place = str(command.get('sensor')), [command.get('x'), command.get('y')]
         truth = self._truth_to_change('place')
-        if name not in places(self._adjustments) or not all(map(_is_place, place)):
+        if name not in places(self._adjustments) or not are_numbers(place, 2, _FAR):
             raise ValueError(f'place: expected a sensor on the map and numbers up to {_FAR:g}')
-        values = {f'{name}.position': [float(value) for value in place if value is not None]}
+        values = {f'{name}.position': [float(command[axis]) for axis in 'xy']}
         self._adjustments.change('plant', values)
         self.changed = True
         self._nodes.reconfigure('plant', {**values, 'initial_state': truth.tolist()})
@@ -404,20 +404,3 @@ class LiveCommands:
     def _restart(self, _: Mapping[str, Any], __: float) -> None:
         """Restart the nodes from the initial state."""
         self.carried, self.restart = None, True
-
-
-def _is_place(value: Any) -> bool:
-    return type(value) in (int, float) and abs(value) <= _FAR
-
-
-def _is_share(value: Any) -> bool:
-    return type(value) in (int, float) and abs(value) <= _MOST
-
-
-def _is_pole(pair: Any) -> bool:
-    """Return whether a value is a list of a real and an imaginary part within the limit."""
-    return (
-        isinstance(pair, list)
-        and len(pair) == 2
-        and all(type(part) in (int, float) and abs(part) <= _FASTEST for part in pair)
-    )

@@ -18,15 +18,14 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 
 from kalman_ros.codecs.layout import Sample
-from kalman_ros.codecs.messages import message_type
 from kalman_ros.codecs.signal_codecs import codec_of
 from kalman_ros.codecs.wire import WireReader, WireWriter
 from kalman_ros.core import Array, Signal
 from kalman_ros.harness.launched_nodes import LaunchedNodes
 from kalman_ros.harness.node_set import NodeSet
 from kalman_ros.harness.recorder import QUEUE
+from kalman_ros.harness.to_trajectory import signals
 from kalman_ros.nodes.controller.motions import PATH
-from kalman_ros.pipeline.estimate_topics import covariance_signal, innovation_signal
 from kalman_ros.scenario import Scenario
 
 #: Largest number of samples of a topic between two calls of `take`; older samples are dropped.
@@ -75,8 +74,9 @@ class LiveNodes(LaunchedNodes):
 
     def __enter__(self) -> LiveNodes:
         self.open(sockets=True)
+        watched = signals(self.scenario, self.scenario.sensors)
         with self.starting():
-            topics = [self._watch(topic, signal) for topic, signal in _signals(self.scenario)]
+            topics = [self._watch(topic, signal) for topic, signal in watched.items()]
             self._push = self._create_disturbance()
             self._paths = self.node.create_publisher(PathMessage, PATH, _PATHS)
             self.call_every(_LOOK, self._check_condition)
@@ -173,20 +173,3 @@ def _append_sample(read: WireReader, samples: deque[Sample], data: bytes) -> Non
         samples.append(read(data))
     except (LookupError, ValueError):  # an array in the message is too short
         return
-
-
-def _signals(scenario: Scenario) -> list[tuple[str, Signal]]:
-    """Return the topics of a loop, each with its signal."""
-    state = scenario.state
-    signals = {'ground_truth': state, state.topic: state}
-    covariance = covariance_signal(state)
-    signals[covariance.topic] = covariance
-    if scenario.input.fields:
-        signals[scenario.input.topic] = scenario.input
-    for name, source in scenario.sensors.items():
-        innovation = innovation_signal(state, name, source.sensor.output)
-        signals[source.signal.topic] = source.signal
-        signals[innovation.topic] = innovation
-    for signal in signals.values():
-        message_type(signal.type)
-    return list(signals.items())

@@ -12,20 +12,6 @@ from kalman_ros.core import About
 from .intake import LONGEST
 
 Lockstep = Annotated[bool, About('step in turns with the other nodes, not in real time')]
-Autostart = Annotated[
-    bool,
-    About('configure and activate at the start, not on ~/change_state'),
-]
-Longest = Annotated[
-    int,
-    About(
-        'longer messages are dropped, and counted',
-        'bytes',
-        minimum=100,
-        live=True,
-    ),
-]
-Learn = Annotated[bool, About('decode the numbers of messages in place: faster')]
 Priority = Annotated[
     int,
     About(
@@ -48,12 +34,22 @@ FutureTolerance = Annotated[
 
 
 @dataclass(frozen=True)
-class EstimatorOptions:
+class NodeOptions:
+    """Options of every node."""
+
+    autostart: Annotated[
+        bool, About('configure and activate at the start, not on ~/change_state')
+    ] = True
+    max_message_size: Annotated[
+        int, About('longer messages are dropped, and counted', 'bytes', minimum=100, live=True)
+    ] = LONGEST
+    learn_layouts: Annotated[bool, About('decode the numbers of messages in place: faster')] = True
+
+
+@dataclass(frozen=True)
+class EstimatorOptions(NodeOptions):
     """Options of the estimator."""
 
-    autostart: Autostart = True
-    max_message_size: Longest = LONGEST
-    learn_layouts: Learn = True
     realtime_priority: Priority = 20
     implementation: Annotated[str, About('native, or filterpy for a cross-check')] = 'native'
     arithmetic: Annotated[str, About("'compiled', 'numpy' or 'c' (all of it)")] = COMPILED

@@ -9,7 +9,8 @@ from math import degrees
 
 import numpy as np
 
-from kalman_ros.analysis.worst_case import Plant, PlantLoops, margins_or_none
+from kalman_ros.analysis.input_loops import margins_or_none
+from kalman_ros.analysis.worst_case import Plant, PlantLoops
 from kalman_ros.control.margins import Margins, margins
 from kalman_ros.core import Dynamics
 from kalman_ros.scenario import Scenario

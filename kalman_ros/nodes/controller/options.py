@@ -11,28 +11,22 @@ from typing import Annotated
 from kalman_ros.control.feedback import TRANSITION_TIME
 from kalman_ros.core import About
 from kalman_ros.pipeline.estimator_options import (
-    Autostart,
     Frame,
     FutureTolerance,
     IdleInput,
-    Learn,
     Lockstep,
-    Longest,
+    NodeOptions,
     Priority,
 )
-from kalman_ros.pipeline.intake import LONGEST
 
 #: Allowed values of ``resume``, the behaviour after a fault.
 RESUME = ('automatic', 'enable', 'never')
 
 
 @dataclass(frozen=True)
-class ControllerOptions:
+class ControllerOptions(NodeOptions):
     """Options of the controller."""
 
-    autostart: Autostart = True
-    max_message_size: Longest = LONGEST
-    learn_layouts: Learn = True
     realtime_priority: Priority = 30
     lockstep: Lockstep = False
     enabled: Annotated[

@@ -8,17 +8,13 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from kalman_ros.core import About
-from kalman_ros.pipeline.estimator_options import Autostart, Frame, Learn, Lockstep, Longest
-from kalman_ros.pipeline.intake import LONGEST
+from kalman_ros.pipeline.estimator_options import Frame, Lockstep, NodeOptions
 
 
 @dataclass(frozen=True)
-class MicrophoneArrayOptions:
+class MicrophoneArrayOptions(NodeOptions):
     """Options of the microphone array."""
 
-    autostart: Autostart = True
-    max_message_size: Longest = LONGEST
-    learn_layouts: Learn = True
     seed: Annotated[int, About('seed of all noise', minimum=0)] = 0
     lockstep: Lockstep = False
     frame: Frame = 'map'

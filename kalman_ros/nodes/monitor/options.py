@@ -7,17 +7,13 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from kalman_ros.core import About
-from kalman_ros.pipeline.estimator_options import Autostart, Learn, Longest
-from kalman_ros.pipeline.intake import LONGEST
+from kalman_ros.pipeline.estimator_options import NodeOptions
 
 
 @dataclass(frozen=True)
-class MonitorOptions:
+class MonitorOptions(NodeOptions):
     """Options of the monitor."""
 
-    autostart: Autostart = True
-    max_message_size: Longest = LONGEST
-    learn_layouts: Learn = True
     monitor_window: Annotated[
         int, About('estimates over which NEES and NIS are averaged', minimum=10)
     ] = 500

@@ -8,26 +8,20 @@ from typing import Annotated
 
 from kalman_ros.core import About
 from kalman_ros.pipeline.estimator_options import (
-    Autostart,
     Frame,
     IdleInput,
-    Learn,
     Lockstep,
-    Longest,
+    NodeOptions,
     Priority,
     Rest,
 )
-from kalman_ros.pipeline.intake import LONGEST
 from kalman_ros.simulation.faults.body import BodyOptions
 
 
 @dataclass(frozen=True)
-class PlantOptions(BodyOptions):
+class PlantOptions(NodeOptions, BodyOptions):
     """Options of the plant."""
 
-    autostart: Autostart = True
-    max_message_size: Longest = LONGEST
-    learn_layouts: Learn = True
     realtime_priority: Priority = 30
     seed: Annotated[int, About('seed of all noise', minimum=0)] = 0
     lockstep: Lockstep = False

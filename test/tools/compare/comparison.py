@@ -15,10 +15,10 @@ from kalman_ros.estimators import build_filter, filter_class
 from kalman_ros.estimators.consistency import nees
 from kalman_ros.simulation import closed_loop
 from kalman_ros.simulation.batch_loop import Loop, Starts
-from kalman_ros.simulation.batch_recorder import trajectories
 from kalman_ros.simulation.noise import stream
 from kalman_ros.simulation.trajectory import Trajectory
 
+from .batch_recorder import trajectories
 from .cases import Case
 
 #: The time of a step is that of the fastest of N rounds of M steps each.

@@ -10,9 +10,8 @@ import numpy as np
 from kalman_ros.core import Array
 from kalman_ros.estimators.batch_estimator import BatchEstimator
 from kalman_ros.estimators.filter import Correction
-
-from .batch_loop import Loop, Starts, run_batch
-from .trajectory import Innovations, Series, Trajectory
+from kalman_ros.simulation.batch_loop import Loop, Starts, run_batch
+from kalman_ros.simulation.trajectory import Innovations, Series, Trajectory
 
 #: Largest size of one array that is kept at a time.
 _MOST = 20_000_000
