@@ -15,6 +15,7 @@ import numpy as np
 
 from kalman_ros.analysis.checks import MISS, Check
 from kalman_ros.control.separation import Expectation
+from kalman_ros.core import Array
 from kalman_ros.estimators.consistency import chi_square_bounds
 
 #: Names of the studies, in the order of the argument.
@@ -77,6 +78,11 @@ def close(name: str, unit: str, expected: float, measured: float, tolerance: flo
 def between(name: str, unit: str, low: float, measured: float, high: float) -> Check:
     """Compare a number with bounds, without a prediction."""
     return Check(name, unit, np.nan, measured, low, high, bool(low <= measured <= high))
+
+
+def largest(difference: Array) -> float:
+    """Return the largest magnitude of a difference."""
+    return float(np.abs(difference).max())
 
 
 def mean_square(

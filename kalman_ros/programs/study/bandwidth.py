@@ -48,7 +48,7 @@ def study(size: float = 1.0) -> Findings:
     """Run four sensors and three more regulators, 40 s each."""
     seconds = max(20.0, 40.0 * size)
     points = []
-    with StudyRun(system(NOISES[0], WEIGHT), nodes=('estimator', 'controller', 'plant')) as run:
+    with StudyRun(system(NOISES[0], WEIGHT)) as run:
         for noise in NOISES:
             for node in ('plant', 'estimator'):
                 run.set_parameter('reading.noise', [noise], node)

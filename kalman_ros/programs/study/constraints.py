@@ -23,7 +23,7 @@ from kalman_ros.simulation.loop_law import Law
 from kalman_ros.simulation.trajectory import Trajectory
 
 from . import Findings, between, close
-from .study_run import StudyRun
+from .study_run import ran
 
 #: Ends of the track in metres, the largest lean in rad, and the largest force in N.
 TRACK, LEAN, FORCE = 1.0, 0.4, 10.0
@@ -64,9 +64,7 @@ def study(size: float = 1.0) -> Findings:
 
 def _run(law: dict[str, Any], force: float) -> Trajectory:
     controls = {**law, 'input_limit': [force]}
-    with StudyRun({**SYSTEM, **law}, only={'controller': controls}) as run:
-        run.advance(SECONDS)
-        return run.trajectory()
+    return ran({**SYSTEM, **law}, only={'controller': controls}, seconds=SECONDS)
 
 
 def _largest(run: Trajectory, index: int) -> float:

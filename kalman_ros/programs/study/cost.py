@@ -29,7 +29,7 @@ from kalman_ros.simulation.trajectory import Trajectory
 
 from . import Findings, between, close
 from .loops import controller
-from .study_run import StudyRun
+from .study_run import ran
 from .systems import linear
 
 FACTORS = (1 / 30, 1.0, 30.0)
@@ -111,9 +111,7 @@ def _gap(expected: Trajectory, kind: str, factor: float) -> float:
     """Return the difference of a run over topics from one in a single process."""
     node = {'K': 'controller', 'L': 'estimator'}[kind]
     only: Mapping[str, Any] = {node: system(**{kind: factor})}
-    with StudyRun(system(), only=only, seed=0, nodes=('estimator', 'controller', 'plant')) as run:
-        run.advance(SECONDS)
-        trajectory = run.trajectory()
+    trajectory = ran(system(), only=only, seconds=SECONDS)
     pairs = ((trajectory.truth, expected.truth), (trajectory.input, expected.input))
     return max(float(np.max(np.abs(a[: len(b)] - b[: len(a)]))) for a, b in pairs)
 

@@ -21,7 +21,7 @@ from kalman_ros.simulation.trajectory import Trajectory
 
 from . import Findings, between, close
 from .cost_to_rest import price
-from .study_run import StudyRun
+from .study_run import ON_TRUTH, ran
 from .systems import carts, plant
 
 DT, SECONDS = 0.05, 12.0
@@ -48,10 +48,7 @@ ROUNDING = 1e-8
 
 def study(size: float = 1.0) -> Findings:
     """Run all carts for 12 s, until they are at rest."""
-    nodes = ('estimator', 'controller', 'plant')
-    with StudyRun(SYSTEM, nodes=nodes, remaps={'controller': {'estimate': 'ground_truth'}}) as run:
-        run.advance(SECONDS)
-        trajectory = run.trajectory()
+    trajectory = ran(SYSTEM, remaps=ON_TRUTH, seconds=SECONDS)
     checks = [
         *_along_checks(trajectory),
         *_cross_checks(trajectory),

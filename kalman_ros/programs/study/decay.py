@@ -37,8 +37,7 @@ CART = cart(
 
 def study(size: float = 1.0) -> Findings:
     """Observe the cart for 5 s without noise, and for 40 s with it."""
-    nodes = ('estimator', 'controller', 'plant')
-    with StudyRun(CART, only={'plant': {'reading.noise': [TINY]}}, nodes=nodes) as run:
+    with StudyRun(CART, only={'plant': {'reading.noise': [TINY]}}) as run:
         run.advance(EXACT)
         run.set_parameter('reading.noise', [NOISE])
         run.advance(FILLED + 37.0 * size)

@@ -27,14 +27,13 @@ from kalman_ros.core import Array
 from . import Findings, close, mean_square
 from .loops import lqg_loop
 from .stability_boundary import Trial, stability_boundary, trial
-from .study_run import StudyRun
+from .study_run import StudyRun, ran
 from .systems import linear
 
 A, B, C = np.array([[1.0, 1.0], [0.0, 1.0]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]])
 ONES = np.ones((2, 2))
 #: Rates of the loop in Hz: for costs, and a lower one for margins.
 RATE, SLOW = 100.0, 25.0
-NODES = ('estimator', 'controller', 'plant')
 #: Value of q and of sigma.
 STRENGTH = 1.0
 #: Scale of the noise in a run for margins; the gains are the same.
@@ -47,7 +46,7 @@ def study(size: float = 1.0) -> Findings:
     small = system(STRENGTH, scale=SMALL, rate=SLOW)
     upper = margins(lqg_loop(scenarios.build(small))).upper_gain.value
     seconds = 20.0
-    with StudyRun(small, nodes=NODES) as run:
+    with StudyRun(small) as run:
         inside, outside = (
             trial(run, 'actuator_gain', 1.0 + share * (upper - 1.0), seconds)
             for share in (0.5, 1.5)
@@ -84,9 +83,7 @@ def measured_cost(seconds: float, strength: float, **others: Any) -> Check:
     scenario = scenarios.build(parameters)
     expected = theory(scenario)
     settled = expected.settling_time
-    with StudyRun(parameters, nodes=NODES) as run:
-        run.advance(settled + seconds)
-        trajectory = run.trajectory()
+    trajectory = ran(parameters, seconds=settled + seconds)
     z = np.hstack((trajectory.truth, trajectory.input))[trajectory.time >= settled]
     weight = expected.cost.weight
     value = float(np.mean(np.einsum('ki,ij,kj->k', z, weight, z))) * RATE

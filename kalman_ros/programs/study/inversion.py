@@ -21,7 +21,7 @@ from kalman_ros.linear.structure import observed
 
 from . import Findings, close
 from .stationary import Stationary, estimation_error, white
-from .study_run import StudyRun
+from .study_run import ran
 from .systems import CART_READING, cart, plant
 
 DT, NOISE = 0.02, 0.1
@@ -57,9 +57,7 @@ def study(size: float = 1.0) -> Findings:
 
 
 def _watch(parameters: dict[str, Any], size: float) -> Watched:
-    with StudyRun(parameters) as run:
-        run.advance(SETTLED + 40.0 * size)
-        trajectory = run.trajectory()
+    trajectory = ran(parameters, seconds=SETTLED + 40.0 * size)
     (readings,) = trajectory.readings.values()
     at = np.searchsorted(readings.time, trajectory.time - 0.5 * DT)
     whole = (trajectory.time, trajectory.truth, trajectory.estimate, readings.values[at])

@@ -22,7 +22,7 @@ from kalman_ros.simulation.trajectory import Trajectory
 
 from . import Findings, close
 from .stationary import Stationary, estimation_error
-from .study_run import StudyRun
+from .study_run import ran
 from .systems import linear, plant
 
 DT, SETTLED = 0.05, 20.0
@@ -52,9 +52,7 @@ READING = np.eye(1)
 def study(size: float = 1.0) -> Findings:
     """Run the levels for 200 s."""
     R = RATIOS * STEP.Q[0, 0]
-    with StudyRun(levels(np.sqrt(R).tolist(), enabled=False)) as run:
-        run.advance(SETTLED + 180.0 * size)
-        trajectory = run.trajectory()
+    trajectory = ran(levels(np.sqrt(R).tolist(), enabled=False), seconds=SETTLED + 180.0 * size)
     gains, variances = _gains(trajectory), trajectory.covariance[-1].diagonal()
     error = (trajectory.truth - trajectory.estimate)[trajectory.time > SETTLED]
     checks: list[Check] = []

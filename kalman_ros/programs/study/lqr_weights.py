@@ -22,7 +22,7 @@ from kalman_ros.linear.structure import describe
 
 from . import Findings, between, close
 from .cost_to_rest import price
-from .study_run import StudyRun
+from .study_run import ON_TRUTH, ran
 from .systems import cart, carts, plant
 
 #: Weights Q_u of u^2 beside a weight 1 of x^2.
@@ -39,7 +39,6 @@ INTEGRALS = tuple(
     sampled_cost(PLANT, Cost(np.diag([1.0 - k, 0.0]), np.array([[k]]), np.zeros((2, 1))), DT)
     for k in (0.0, 1.0)
 )
-ON_TRUTH = {'controller': {'estimate': 'ground_truth'}}
 
 
 @dataclass(frozen=True)
@@ -89,9 +88,7 @@ def _optimal_points() -> list[Point]:
     weights: dict[str, Any] = {'state_cost': [1.0, 0.0] * count, 'input_cost': [*WEIGHTS]}
     start = START.tolist() * count
     system = carts(count, *CART, initial_state=start, **weights)
-    with StudyRun(system, remaps=ON_TRUTH) as run:
-        run.advance(DURATION)
-        trajectory = run.trajectory()
+    trajectory = ran(system, remaps=ON_TRUTH, seconds=DURATION)
     # z = (x, u) of each cart, samples first
     x, u = trajectory.truth.reshape(-1, count, 2), trajectory.input.reshape(-1, count, 1)
     z = np.concatenate((x, u), axis=2).swapaxes(0, 1)
@@ -102,9 +99,9 @@ def _placed(poles: tuple[complex, complex]) -> Point:
     """Return the cost of poles, from a run."""
     real, imaginary = np.real(poles).tolist(), np.imag(poles).tolist()
     law = {'law': 'placement', 'regulator_poles': real, 'regulator_frequencies': imaginary}
-    with StudyRun(cart(*CART, initial_state=START.tolist(), **law), remaps=ON_TRUTH) as run:
-        run.advance(DURATION)
-        trajectory = run.trajectory()
+    trajectory = ran(
+        cart(*CART, initial_state=START.tolist(), **law), remaps=ON_TRUTH, seconds=DURATION
+    )
     gain = sampled_place(PLANT.A, PLANT.B, poles, DT).gain
     return _point(
         f's = {describe(np.array(poles))}', gain, np.hstack((trajectory.truth, trajectory.input))

@@ -19,7 +19,7 @@ from kalman_ros.control.margins import margins
 from . import Findings, close
 from .loops import growth, lqg_loop, lqr_loop
 from .stability_boundary import Trial, root, stability_boundary
-from .study_run import StudyRun
+from .study_run import ON_TRUTH, StudyRun
 from .systems import linear
 
 #: The noise is smaller than the estimator's by this factor; its gain is the same.
@@ -44,8 +44,8 @@ def study(size: float = 1.0) -> Findings:
     checks: list[Check] = []
     trials: dict[tuple[str, str], list[Trial]] = {}
     for name in LOOPS:
-        remaps = {'controller': {'estimate': 'ground_truth'}} if name == 'LQR' else {}
-        with StudyRun(system, nodes=('estimator', 'controller', 'plant'), remaps=remaps) as run:
+        remaps = ON_TRUTH if name == 'LQR' else {}
+        with StudyRun(system, remaps=remaps) as run:
             for search, (parameter, start, factor) in SEARCHES.items():
                 run.set_parameter('actuator_gain', [1.0])  # reset after the last search
                 predicted = predict(system, name)[search]

@@ -14,7 +14,7 @@ import numpy as np
 from kalman_ros.analysis.checks import Check
 from kalman_ros.core import Array
 
-from . import Findings, between, close
+from . import Findings, between, close, largest
 from .systems import linear, plant
 
 #: Two real eigenvalues, with directions that are not at right angles.
@@ -36,10 +36,10 @@ def study(size: float = 1.0) -> Findings:
     checks: list[Check] = []
     for name, A in SYSTEMS.items():
         moved = path(A, np.eye(2))[round(LATER / DT)].T
-        off = _largest(by_series(A, LATER, 60) - moved)
+        off = largest(by_series(A, LATER, 60) - moved)
         checks.append(close(f'{name}: series, off by', '', 0.0, off, ROUNDING))
         missed = LATER * np.exp(-LATER) if name == 'defective' else 0.0
-        off = _largest(by_diagonalisation(A, LATER) - moved)
+        off = largest(by_diagonalisation(A, LATER) - moved)
         checks.append(close(f'{name}: diagonalisation, off by', '', missed, off, ROUNDING))
     checks += [*_directions(), *_oscillation(), *_defective()]
     return Findings(checks, _draw)
@@ -71,10 +71,6 @@ def path(A: Array, x: Array) -> Array:
     return np.array(states)
 
 
-def _largest(difference: Array) -> float:
-    return float(np.abs(difference).max())
-
-
 def _directions() -> list[Check]:
     """Start on an eigenvector: the state keeps its line, and shrinks by the eigenvalue alone."""
     checks = []
@@ -82,7 +78,7 @@ def _directions() -> list[Check]:
         states = path(NODE, along)
         aside = states @ np.array([-along[1], along[0]]) / np.linalg.norm(along) ** 2
         rate = np.polyfit(DT * np.arange(len(states)), np.log(states @ along), 1)[0]
-        off = _largest(aside)
+        off = largest(aside)
         checks.append(close(f'node: leaves the line of {pole:g} by', '', 0.0, off, ROUNDING))
         checks.append(close(f'node: rate on the line of {pole:g}', '1/s', pole, rate, 1e-6))
     return checks
@@ -154,7 +150,7 @@ def _draw(picture: Path) -> None:
         terms = range(1, 90)
         for t, colour in zip((1.0, 3.0, 8.0), shades(3)):
             exact = by_diagonalisation(SPIRAL, t)
-            off = [_largest(by_series(SPIRAL, t, k) - exact) for k in terms]
+            off = [largest(by_series(SPIRAL, t, k) - exact) for k in terms]
             series.semilogy(terms, np.maximum(off, 1e-17), color=colour, label=f't = {t:g} s')
         series.axhline(np.finfo(float).eps, color=READING, lw=0.8, ls=':')
         series.set(title='The series of the spiral: terms and digits', xlabel='terms',

@@ -23,7 +23,7 @@ from kalman_ros.linear.structure import continuous_poles, eigenvalues
 
 from . import Findings, close
 from .stationary import SIGMAS, Stationary, estimation_error
-from .study_run import StudyRun
+from .study_run import ran
 from .systems import CART_READING, cart, plant
 
 #: Observers have their poles at -p and -2 p, for each of these p in 1/s.
@@ -89,9 +89,9 @@ def _placed(speed: float, duration: float) -> Observer:
 
 def _run(name: str, gain: Array, options: Mapping[str, Any], duration: float) -> Observer:
     # the same seed each time: every observer has the same cart and the same readings
-    with StudyRun(cart(*CART, initial_state=START.tolist(), enabled=False, **options)) as run:
-        run.advance(duration)
-        trajectory = run.trajectory()
+    trajectory = ran(
+        cart(*CART, initial_state=START.tolist(), enabled=False, **options), seconds=duration
+    )
     return Observer(name, gain, trajectory.truth - trajectory.estimate, _theory(gain))
 
 

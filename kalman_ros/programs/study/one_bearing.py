@@ -74,8 +74,7 @@ class Track:
 def study(size: float = 1.0) -> Findings:
     """Track the ship for half an hour, at any size."""
     with StudyRun(
-        system(), only={'estimator': {'buoy.enabled': False}}, also={'pair': 'estimator'},
-        nodes=('estimator', 'controller', 'plant'), seed=2,
+        system(), only={'estimator': {'buoy.enabled': False}}, also={'pair': 'estimator'}, seed=2,
         remaps={'pair': {'estimate': 'pair/estimate', 'estimate/covariance': 'pair/covariance'}},
         record={
             'pair/estimate': Signal('', 'sensor_msgs/JointState', FIELDS),

@@ -25,7 +25,7 @@ from kalman_ros.simulation.trajectory import Trajectory
 
 from . import Findings, close
 from .loops import lqr_loop
-from .study_run import StudyRun
+from .study_run import ON_TRUTH, StudyRun
 from .systems import linear
 
 DT, SECONDS = 0.2, 40.0
@@ -63,9 +63,7 @@ def study(size: float = 1.0) -> Findings:
     believed = _system(modes, np.zeros(len(turned)), start)
     real = _system(modes, turned, start)
     plant = {'model_parameters.B': real['model_parameters.B']}
-    remaps = {'controller': {'estimate': 'ground_truth'}}
-    nodes = ('estimator', 'controller', 'plant')
-    with StudyRun(believed, only={'plant': plant}, nodes=nodes, remaps=remaps) as run:
+    with StudyRun(believed, only={'plant': plant}, remaps=ON_TRUTH) as run:
         run.advance(SECONDS)
         growth = _growth(run.trajectory()).reshape(len(MODES), -1)
     pairs = [Pairs(mode, angles[mode], row, loops[mode]) for mode, row in zip(MODES, growth)]

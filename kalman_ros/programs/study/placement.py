@@ -21,7 +21,7 @@ from kalman_ros.simulation.trajectory import Trajectory
 from . import Findings, close
 from .cost_to_rest import price
 from .stationary import SIGMAS
-from .study_run import StudyRun
+from .study_run import ON_TRUTH, ran
 from .systems import cart, plant
 
 #: The poles are p (-1 +- j), for each of these p in 1/s.
@@ -51,9 +51,7 @@ def _at(speed: float) -> tuple[Trajectory, list[Check], tuple[float, float]]:
     }
     # the noise determines the tolerances: its steps are a tenth of a micrometre
     system = cart([1e-12, 1e-12], 0.01, 1.0 / DT, initial_state=START.tolist(), **options)
-    with StudyRun(system, remaps={'controller': {'estimate': 'ground_truth'}}) as run:
-        run.advance(12.0 / speed)
-        trajectory = run.trajectory()
+    trajectory = ran(system, remaps=ON_TRUTH, seconds=12.0 / speed)
     believed = plant(system)
     step = believed.sampled(DT)
     fitted = fit(trajectory.truth[:-1], trajectory.truth[1:])

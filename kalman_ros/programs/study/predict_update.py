@@ -22,7 +22,7 @@ from kalman_ros.control.lqe import dlqe
 from kalman_ros.core import Array, Signal
 from kalman_ros.simulation.trajectory import Trajectory
 
-from . import Findings, close
+from . import Findings, close, largest
 from .stationary import SIGMAS
 from .study_run import StudyRun
 from .systems import linear
@@ -66,7 +66,6 @@ def study(size: float = 1.0) -> Findings:
     fields = tuple(f'position[{name}]' for name in names)
     with StudyRun(
         system, also={'steady': 'estimator'}, only={'steady': {'filter': 'steady_state'}},
-        nodes=('estimator', 'controller', 'plant'),
         remaps={'steady': {'estimate': 'steady/estimate',
                            'estimate/covariance': 'steady/covariance'}},
         record={'steady/estimate': Signal('', 'sensor_msgs/JointState', fields)},
@@ -118,7 +117,7 @@ def _checks(filters: Filters) -> list[Check]:
     grown = np.diff(P)[~read[1:]]
     checks = [
         close('P grows without a reading by', '', Q, float(np.mean(grown)), ROUNDING),
-        close('P over 20 s, off by', '', 0.0, _largest(P - variances(gains)), ROUNDING),
+        close('P over 20 s, off by', '', 0.0, largest(P - variances(gains)), ROUNDING),
         close('product of two Gaussians, off by', '', 0.0, _product_error(filters), ROUNDING),
     ]
     steps = np.flatnonzero(read)
@@ -160,7 +159,7 @@ def _product_error(filters: Filters) -> float:
     run, steps = filters.run, np.flatnonzero(filters.read)[1:]
     x, y = run.estimate[steps - 1], run.readings['reading'].values[1 : len(steps) + 1]
     P = (run.covariance[steps - 1, 0, 0] + Q)[:, np.newaxis]
-    return _largest(run.estimate[steps] - (x / P + y / R) / (1.0 / P + 1.0 / R))
+    return largest(run.estimate[steps] - (x / P + y / R) / (1.0 / P + 1.0 / R))
 
 
 def _gain(filters: Filters, step: int) -> float:
@@ -169,10 +168,6 @@ def _gain(filters: Filters, step: int) -> float:
     y = run.readings['reading'].values[int(filters.read[:step].sum())]
     before = run.estimate[step - 1]
     return float((run.estimate[step] - before) @ (y - before) / ((y - before) @ (y - before)))
-
-
-def _largest(difference: Array) -> float:
-    return float(np.abs(difference).max())
 
 
 def _draw(filters: Filters, path: Path) -> None:

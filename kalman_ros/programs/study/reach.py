@@ -22,8 +22,8 @@ from kalman_ros.scenario import build
 from kalman_ros.scenario.regulator import feedback
 from kalman_ros.simulation.trajectory import Trajectory
 
-from . import Findings, between, close
-from .study_run import StudyRun
+from . import Findings, between, close, largest
+from .study_run import ON_TRUTH, ran
 from .systems import linear, plant
 
 DT, SECONDS = 0.05, 20.0
@@ -50,11 +50,7 @@ ROUNDING = 1e-9
 def study(size: float = 1.0) -> Findings:
     """Run both pairs for 20 s, from carts that are 2 m apart; the controller knows the truth."""
     calm = {'plant': {'model_parameters.noise_density': [0.0, 1e-20] * 4}}
-    nodes = ('estimator', 'controller', 'plant')
-    remaps = {'controller': {'estimate': 'ground_truth'}}
-    with StudyRun(SYSTEM, only=calm, nodes=nodes, remaps=remaps) as run:
-        run.advance(SECONDS)
-        trajectory = run.trajectory()
+    trajectory = ran(SYSTEM, only=calm, remaps=ON_TRUTH, seconds=SECONDS)
     checks = [*_input_checks(trajectory), *_sensor_checks(trajectory), *_energy_checks()]
     return Findings(checks, lambda path: _draw(trajectory, path))
 
@@ -78,14 +74,14 @@ def _input_checks(run: Trajectory) -> list[Check]:
     placed = np.sort(place(PAIR, FORCES['one'], asked).poles.real)[::-1]
     return [
         close('force on both: change of the distance', 'm', 0.0,
-              _largest(run.truth @ DISTANCE['both'] - free), ROUNDING),
+              largest(run.truth @ DISTANCE['both'] - free), ROUNDING),
         close('force on one: distance by theory, off', 'm', 0.0,
-              _largest(run.truth @ DISTANCE['one'] - held), 1e-6),
+              largest(run.truth @ DISTANCE['one'] - held), 1e-6),
         between('force on one: distance left after 10 s', 'm', 0.0,
                 abs(float((run.truth @ DISTANCE['one'])[round(10.0 / DT)])), 0.1),
         close('force on both: modes it does not move', '', 2.0, len(stuck), 0.0),
         close('placement refuses it (1: yes)', '', 1.0, float('no input moves' in refused), 0.0),
-        close('force on one: placed poles, off by', '1/s', 0.0, _largest(placed - asked), 1e-6),
+        close('force on one: placed poles, off by', '1/s', 0.0, largest(placed - asked), 1e-6),
     ]  # fmt: skip
 
 
@@ -97,7 +93,7 @@ def _sensor_checks(run: Trajectory) -> list[Check]:
     share = float(variances['one'][-1] / alone[-1])
     return [
         close('sensor of the middle: P of the distance, off', 'm^2', 0.0,
-              _largest(variances['both'] - alone), ROUNDING),
+              largest(variances['both'] - alone), ROUNDING),
         between('sensor of one: P / P without a sensor', '', 0.0, share, 0.05),
     ]  # fmt: skip
 
@@ -122,10 +118,6 @@ def _propagate(F: Array, x: Array, steps: int) -> Array:
     for _ in range(steps - 1):
         states.append(F @ states[-1])
     return np.array(states)
-
-
-def _largest(difference: Array) -> float:
-    return float(np.abs(difference).max())
 
 
 def reaching(step: Transition, target: Array, steps: int) -> tuple[Array, float]:
@@ -159,7 +151,7 @@ def _energy_checks() -> list[Check]:
         for u in inputs:
             x = system.step(x, u, DT)
         name = f'in {seconds:g} s'
-        checks.append(close(f'{name}: misses 1 m apart by', 'm', 0.0, _largest(x - APART), 1e-6))
+        checks.append(close(f'{name}: misses 1 m apart by', 'm', 0.0, largest(x - APART), 1e-6))
         energy = DT * float(np.sum(inputs**2))
         checks.append(close(f'{name}: energy', 'N^2 s', DT * price, energy, 1e-6 * energy))
     return checks

@@ -24,10 +24,10 @@ from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import price
 
 from . import Findings, close, mean_square
-from .doyle import NODES, ONES, SMALL, STRENGTH, A, B, C, system
+from .doyle import ONES, SMALL, STRENGTH, A, B, C, system
 from .loops import average, controller, lqg_loop, lqr_loop
 from .stability_boundary import stability_boundary
-from .study_run import StudyRun
+from .study_run import StudyRun, ran
 
 RATE = 25.0
 #: Values of r in the runs.
@@ -41,7 +41,7 @@ def study(size: float = 1.0) -> Findings:
     checks = []
     for r in ASSUMED:
         upper = margins(_loop(r)).upper_gain.value
-        with StudyRun(system(STRENGTH, SMALL, RATE), only=_assumed(r, SMALL), nodes=NODES) as run:
+        with StudyRun(system(STRENGTH, SMALL, RATE), only=_assumed(r, SMALL)) as run:
             boundary, _ = stability_boundary(run, 'actuator_gain', 1.0, 1.3, 16.0)
         # of the margin beyond 1; the search stops within 0.3 %
         name = f'r = {r:g}: gain margin'
@@ -76,9 +76,7 @@ def _measure(r: float, seconds: float) -> list[Check]:
     """Compare cost and input over topics with theory; the bounds are their scatter."""
     parameters = {**system(STRENGTH, rate=RATE), 'initial_state': [0.0, 0.0]}
     settled = theory(_real()).settling_time
-    with StudyRun(parameters, only=_assumed(r), nodes=NODES) as run:
-        run.advance(settled + seconds)
-        trajectory = run.trajectory()
+    trajectory = ran(parameters, only=_assumed(r), seconds=settled + seconds)
     z = np.hstack((trajectory.truth, trajectory.input))[trajectory.time >= settled]
     checks = []
     cost = RATE * price(_real()).weight

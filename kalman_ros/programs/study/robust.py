@@ -27,10 +27,9 @@ from kalman_ros.scenario import Scenario, build
 from kalman_ros.scenario.regulator import price
 
 from . import Findings, between, close, mean_square
-from .doyle import NODES
 from .loops import average
 from .stability_boundary import growth_rate
-from .study_run import StudyRun
+from .study_run import ran
 
 #: Rate of the loop and of the readings, in Hz.
 RATE = 20.0
@@ -199,9 +198,7 @@ def _run(name: str, point: Array, scale: float, seconds: float) -> Array:
     start = [1.0, 1.0, 0.0, 0.0] if scale < 1.0 else [0.0] * 4
     only = {'plant': real, 'estimator': noise, 'controller': {**noise, **rest}}
     parameters = system(scale, initial_state=start)
-    with StudyRun(parameters, only=only, nodes=NODES) as run:
-        run.advance(seconds)
-        trajectory = run.trajectory()
+    trajectory = ran(parameters, only=only, seconds=seconds)
     return np.hstack((trajectory.truth, trajectory.input))
 
 

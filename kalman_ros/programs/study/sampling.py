@@ -20,7 +20,7 @@ from kalman_ros.scenario import build
 from kalman_ros.scenario.regulator import feedback
 
 from . import Findings, close
-from .study_run import StudyRun
+from .study_run import ON_TRUTH, StudyRun
 from .systems import linear
 
 DT, STEPS = 0.1, 30
@@ -48,9 +48,7 @@ def study(size: float = 1.0) -> Findings:
     )  # fmt: skip
     gain = feedback(build(system)).gain.diagonal()
     actuators = {'plant': {'actuator_gain': (GAINS / DT / gain).tolist()}}
-    remaps = {'controller': {'estimate': 'ground_truth'}}
-    nodes = ('estimator', 'controller', 'plant')
-    with StudyRun(system, only=actuators, nodes=nodes, remaps=remaps) as run:
+    with StudyRun(system, only=actuators, remaps=ON_TRUTH) as run:
         run.advance(STEPS * DT)
         prompt = run.trajectory().truth
         run.set_parameter('actuator_delay', DT)

@@ -17,7 +17,7 @@ from scipy.linalg import block_diag
 
 from kalman_ros.analysis.checks import MISS, Check
 from kalman_ros.control.identification import fit
-from kalman_ros.core import Array, Signal
+from kalman_ros.core import Signal
 from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.consistency import chi_square_bounds
 from kalman_ros.estimators.fixed_gain import FixedGainObserver
@@ -25,7 +25,7 @@ from kalman_ros.linear.structure import ComplexArray, continuous_poles, eigenval
 from kalman_ros.scenario.regulator import feedback
 from kalman_ros.simulation.trajectory import Trajectory
 
-from . import Findings, between, close
+from . import Findings, between, close, largest
 from .study_run import StudyRun
 
 #: One axis; both sensors read at every step, so that the observer's gain is one matrix.
@@ -46,8 +46,8 @@ def study(size: float = 1.0) -> Findings:
     soft, stiff = (_loop(seconds, {'input_cost': [cost]}) for cost in (1.0, 0.02))
     errors = [run.truth - run.estimate for run in (soft, stiff)]
     checks = [
-        close('(a) change of the error', '', 0.0, _largest(errors[0] - errors[1]), 1e-9),
-        between('(a) change of the state', 'm', 0.05, _largest(soft.truth - stiff.truth),
+        close('(a) change of the error', '', 0.0, largest(errors[0] - errors[1]), 1e-9),
+        between('(a) change of the state', 'm', 0.05, largest(soft.truth - stiff.truth),
                 10.0),
     ]  # fmt: skip
     for name, topic in _SOURCES.items():
@@ -64,10 +64,6 @@ def _loop(seconds: float, overrides: dict[str, Any], **options: Any) -> Trajecto
     with StudyRun('mass_spring_damper', {**_SYSTEM, **overrides}, seed=1, **options) as run:
         run.advance(seconds)
         return run.trajectory()
-
-
-def _largest(difference: Array) -> float:
-    return float(np.abs(difference).max())
 
 
 def _regulator(name: str, topic: str | None, seconds: float) -> list[Check]:

@@ -15,7 +15,7 @@ from kalman_ros.control.stability import modes
 from kalman_ros.simulation.trajectory import Trajectory
 
 from . import Findings, close
-from .study_run import StudyRun
+from .study_run import ran
 from .systems import linear
 
 RATES = {'decays': -0.8, 'stays': 0.0, 'grows': 0.4}
@@ -28,9 +28,7 @@ def study(size: float = 1.0) -> Findings:
         dict.fromkeys(RATES, ''), A, np.eye(3), np.full(3, 1e-12), np.eye(3), [0.01] * 3,
         initial_state=[1.0] * 3, enabled=False,
     )  # fmt: skip
-    with StudyRun(system) as run:
-        run.advance(8.0 * max(size, 0.25))
-        trajectory = run.trajectory()
+    trajectory = ran(system, seconds=8.0 * max(size, 0.25))
     checks = []
     for index, (name, rate) in enumerate(RATES.items()):
         slope = np.polyfit(trajectory.time, np.log(np.abs(trajectory.truth[:, index])), 1)[0]

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from kalman_ros import models
 from kalman_ros.harness import Run
+from kalman_ros.simulation.trajectory import Trajectory
 
 
 class Ran(NamedTuple):
@@ -22,6 +23,12 @@ class Ran(NamedTuple):
 _done: list[Ran] = []
 
 
+#: The nodes of a study, without the monitor.
+_NODES = ('estimator', 'controller', 'plant')
+#: Names of topics with which the controller knows the true state.
+ON_TRUTH = {'controller': {'estimate': 'ground_truth'}}
+
+
 class StudyRun(Run):
     """A `Run` that is remembered when it ends."""
 
@@ -33,7 +40,7 @@ class StudyRun(Run):
         seed: int = 0,
         **options: Any,
     ) -> None:
-        super().__init__(scenario, overrides, seed=seed, **options)
+        super().__init__(scenario, overrides, seed=seed, **{'nodes': _NODES, **options})
         values = {'model': scenario} if isinstance(scenario, str) else scenario
         self._model = str({**values, **(overrides or {})}.get('model', models.DEFAULT))
         self._seed = seed
@@ -44,6 +51,13 @@ class StudyRun(Run):
         if self.elapsed > 0.0:
             filter = self.scenario.filter if 'estimator' in self.names else ''
             _done.append(Ran(self._model.rpartition(':')[2], filter, self._seed, self.elapsed))
+
+
+def ran(system: Mapping[str, Any], seconds: float, **options: Any) -> Trajectory:
+    """Return what a run of a system over topics records in these simulated seconds."""
+    with StudyRun(system, **options) as run:
+        run.advance(seconds)
+        return run.trajectory()
 
 
 def taken() -> list[Ran]:

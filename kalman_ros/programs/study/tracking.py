@@ -108,8 +108,7 @@ def _follow(points: Array) -> Followed:
         'path_acceleration': ACCELERATION,
         'path_tolerance': ROUNDING,
     }
-    nodes = ('estimator', 'controller', 'plant')
-    with StudyRun(values, only={'controller': controls}, nodes=nodes) as run:
+    with StudyRun(values, only={'controller': controls}) as run:
         publish_path(run, points)
         run.advance(seconds)
         followed = run.trajectory()

@@ -22,7 +22,7 @@ from kalman_ros.scenario.regulator import feedback
 
 from . import Findings, between, close
 from .cost_to_rest import price
-from .study_run import StudyRun
+from .study_run import ON_TRUTH, ran
 
 #: x, z, pitch and their rates: the default weights, and the reverse.
 WEIGHTS: Mapping[str, list[float]] = {
@@ -90,9 +90,7 @@ def _values(weights: list[float]) -> dict[str, Any]:
 
 def _run(weights: list[float], duration: float) -> Descent:
     values = _values(weights)
-    with StudyRun(values, remaps={'controller': {'estimate': 'ground_truth'}}) as run:
-        run.advance(duration)
-        trajectory = run.trajectory()
+    trajectory = ran(values, remaps=ON_TRUTH, seconds=duration)
     expected, tolerance = _theory(build(values), len(trajectory.truth))
     return Descent(trajectory.truth, trajectory.input, expected, tolerance)
 
