@@ -11,6 +11,7 @@ author = 'The kalman_ros authors'
 extensions = [
     'back_links',
     'explorables',
+    'inherited_fields',
     'mathml',
     'parameter_entries',
     'signatures',

@@ -31,6 +31,7 @@ def _signature(app, what, name, obj, options, signature, return_annotation):
         if isinstance(each.annotation, str)
         else each
         for each in given
+        if not each.name.startswith('_')
     ]
     returned = found.return_annotation if what in ('function', 'method') else ''
     text = str(inspect.Signature(shown))

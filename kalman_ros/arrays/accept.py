@@ -180,8 +180,13 @@ def plant(A: Any, B: Any = None) -> Plant:
         )
     A = square('A', A)
     B = columns('B', B, len(A))
-    states = labels[0] or tuple(f'x{i}' for i in range(len(A)))
-    return Plant(A, B, states, labels[1] or tuple(f'u{i}' for i in range(B.shape[1])), dt)
+    states = labels.states or numbered('x', len(A))
+    return Plant(A, B, states, labels.inputs or numbered('u', B.shape[1]), dt)
+
+
+def numbered(letter: str, count: int) -> tuple[str, ...]:
+    """Return names for what has none: x0, x1, ..."""
+    return tuple(f'{letter}{i}' for i in range(count))
 
 
 def shifted(A: Any, given: tuple[Any, ...]) -> tuple[Any, ...]:

@@ -52,7 +52,13 @@ class ConsistencyCheck:
 
 @dataclass(frozen=True, repr=False)
 class ConsistencyReport(KnownNames):
-    """All checks; it is true if all passed, and prints them."""
+    """All checks; it is true if all passed, and prints them.
+
+    Parameters
+    ----------
+    checks
+        Each test.
+    """
 
     checks: tuple[ConsistencyCheck, ...]
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from kalman_ros import scenario as scenarios
 from kalman_ros.analysis import design_warnings
-from kalman_ros.analysis.design_report import DesignReport
+from kalman_ros.analysis.design_report import ClosedLoop, DesignReport
 from kalman_ros.analysis.design_theory import report
 from kalman_ros.control.limiter import LIMITS
 from kalman_ros.control.stability import Mode
@@ -92,6 +92,21 @@ class Design(KnownNames):
             at = loop.margins or loop.prompt
             found[loops.input] = InputMargins(**vars(at), loop=loop.broken)
         return found
+
+    @property
+    def cost(self) -> float:
+        """The mean cost a second of the closed loop."""
+        return self._closed_loop('cost').cost
+
+    @property
+    def settling_time(self) -> float:
+        """Seconds in which the closed loop settles to a thousandth."""
+        return self._closed_loop('settling_time').settling_time
+
+    def _closed_loop(self, name: str) -> ClosedLoop:
+        if self.report.closed_loop is None:
+            raise ValueError(f'{name}: there is no loop of a regulator and a settled estimator')
+        return self.report.closed_loop
 
     @property
     def std(self) -> Array:

@@ -55,6 +55,8 @@ class Estimates(KnownNames):
         By sensor: at its times the innovations (N, k), the deviations expected and the NIS.
     readings
         By sensor, as given.
+    outputs
+        By sensor, the space of its readings.
     counts
         By sensor, the number of readings with each outcome: ``'fused'``, ``'rejected: ...'``.
     log_likelihood
@@ -65,6 +67,8 @@ class Estimates(KnownNames):
         Whether later readings are included.
     arithmetic
         What computed the model and the sensors: C, CasADi or numpy, with the reason.
+    record
+        What smoothing and pictures need.
     labels
         Of the index that brought the times, by time; empty without one.
     """

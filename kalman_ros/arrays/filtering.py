@@ -74,7 +74,7 @@ def filter(
         The belief at the first time, before its readings: a `Gaussian`, or a pair of mean and
         covariance, which may be a number or a diagonal; a mapping or a table of pandas by the
         names of the states. A state of which nothing is known has an infinite variance;
-        ``'diffuse'``: all of them.
+        ``'diffuse'``: all of them. A scenario has its own; a model takes one.
     filter
         ``'kf'``, ``'ekf'``, ``'ukf'``, ``'iterated_ekf'``, ``'square_root'``, ``'gaussian_sum'``,
         ``'steady_state'`` or ``'luenberger'``;
@@ -137,6 +137,11 @@ def smooth(estimates: Estimates) -> Estimates:
 
     By Rauch, Tung and Striebel; nonlinear models are linearised about the filter's estimates,
     or use its sigma points. Times may be uneven, readings missing.
+
+    Parameters
+    ----------
+    estimates
+        Those of `filter`, whose readings they have.
 
     Raises
     ------

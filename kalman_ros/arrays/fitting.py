@@ -57,6 +57,8 @@ class Tuning(KnownNames):
     held_out
         What the filter makes of the readings that were held out, before and after the fit; None
         if there are none.
+    count
+        The number of readings that were fused.
     """
 
     parameters: Mapping[str, Fitted]
@@ -242,5 +244,5 @@ def _observations(rows: Mapping[str, Rows], acts: Rows) -> Observations:
     return Observations(readings, np.asarray(acts.stamps, dtype=np.int64), acts.values)
 
 
-#: The same by the name that others have for it.
+# the same by the name that others have for it
 fit = tune

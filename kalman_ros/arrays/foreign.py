@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -44,23 +44,29 @@ class ForeignSystem:
     continuous: bool
 
 
-def labels_of(value: Any) -> tuple[tuple[str, ...] | None, tuple[str, ...] | None]:
-    """Return the names of the states and inputs of a system of python-control; None without.
+class Labels(NamedTuple):
+    """The names of a system's states, inputs and readings; None where nobody has chosen any."""
+
+    states: tuple[str, ...] | None
+    inputs: tuple[str, ...] | None
+    readings: tuple[str, ...] | None
+
+
+def labels_of(value: Any) -> Labels:
+    """Return the names that a system of python-control has.
 
     What a name cannot have becomes an underscore: ``speed_m_s`` of 'speed m/s'.
     """
-    states, inputs = (
-        tuple(getattr(value, f'{kind}_labels', None) or ()) for kind in ('state', 'input')
-    )
 
-    def given(labels: tuple[str, ...]) -> tuple[str, ...] | None:
+    def given(kind: str) -> tuple[str, ...] | None:
+        labels = tuple(getattr(value, f'{kind}_labels', None) or ())
         if all(_DEFAULT.fullmatch(label) for label in labels):
             return None
         names = tuple(re.sub(r'\W+', '_', label).strip('_') for label in labels)
         usable = all(map(str.isidentifier, names)) and len({*names}) == len(names)
         return names if usable else None
 
-    return given(states), given(inputs)
+    return Labels(given('state'), given('input'), given('output'))
 
 
 def _has(value: Any, kinds: tuple[tuple[str, ...], ...]) -> bool:

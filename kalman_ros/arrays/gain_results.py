@@ -3,12 +3,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import inf
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
@@ -135,7 +135,7 @@ class StateFeedback(_Gain):
         DesignError
             If the closed loop is not stable.
         """
-        _plot_loops(self.plant.inputs, self.margins, path)
+        _plot_loops(self.plant.inputs, self.margins, path, 'u = -K x')
 
     def __iter__(self) -> Iterator[Any]:
         return iter((self.gain, self.cost_to_go, self.poles))
@@ -229,7 +229,10 @@ class LoopMargins(tuple[InputMargins, ...]):
 
 
 def _plot_loops(
-    names: Sequence[str], margins: Sequence[InputMargins], path: str | Path | None
+    names: Sequence[str],
+    margins: Sequence[InputMargins],
+    path: str | Path | None,
+    label: str = 'the loop',
 ) -> None:
     from kalman_ros.analysis.input_loops import InputLoops, Loop
     from kalman_ros.report.design_pictures import feedback_loops  # matplotlib is slow to load
@@ -238,7 +241,8 @@ def _plot_loops(
         InputLoops(name, Loop(at.loop, at, at), None, None) for name, at in zip(names, margins)
     ]
     dt = margins[0].loop.dt
-    feedback_loops(channels, inf if dt is None else 1.0 / dt, None if path is None else Path(path))
+    rate = inf if dt is None else 1.0 / dt
+    feedback_loops(channels, rate, None if path is None else Path(path), label)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -251,7 +255,7 @@ class Observer(_Gain, LqeDesign):
     ----------
     gain, predictor_gain, covariance, prior, poles
         As of `LqeDesign`.
-    states
+    states, readings
         Their names.
     dt
         Seconds between readings; None in continuous time.
@@ -259,7 +263,10 @@ class Observer(_Gain, LqeDesign):
         From the readings to the estimate, after each of them (n, k).
     """
 
+    other_names: ClassVar[Mapping[str, str]] = {'K': '.L'}
+
     states: tuple[str, ...] = ()
+    readings: tuple[str, ...] = ()
     dt: float | None = None
     response: StateSpace | None = None
 
@@ -300,26 +307,52 @@ class Observer(_Gain, LqeDesign):
         sampled = self.dt is not None
         law = 'x += gain (y - C x)' if sampled else 'dx/dt = A x + B u + L (y - C x)'
         how = f', a reading every {self.dt:g} s' if sampled else ', in continuous time'
-        readings = [f'y{index}' for index in range(self.gain.shape[1])]
         lines = [f'Steady-state Kalman filter {law}{how}']
         name = 'gain' if sampled else 'L'
-        lines += text.matrix([f'{name} {x}' for x in self.states], readings, self.gain)
+        lines += text.matrix([f'{name} {x}' for x in self.states], self.readings, self.gain)
         if sampled:
             lines += ['L = F gain, that of the predictor, also in arithmetic and in unpacking:']
-            lines += text.matrix([f'L {x}' for x in self.states], readings, self.predictor_gain)
+            lines += text.matrix(
+                [f'L {x}' for x in self.states], self.readings, self.predictor_gain
+            )
         lines += text.sentence(f'poles [{"z" if sampled else "1/s"}] {text.poles(self.poles)}')
         std = np.sqrt(self.covariance.diagonal()).tolist()
         errors = ', '.join(f'{x} {text.number(s)}' for x, s in zip(self.states, std))
         return '\n'.join([*lines, *text.sentence(f'standard deviation of the error: {errors}')])
 
 
-class Sampled(NamedTuple):
-    """x' = F x + G u + w, w ~ N(0, Q): F (n, n), G (n, m), Q (n, n), in samples of ``dt``."""
-
+class _Sampled(NamedTuple):
     F: Array
     G: Array
     Q: Array
     dt: float
+
+
+class Sampled(_Sampled):
+    """x' = F x + G u + w, w ~ N(0, Q). ``F, G, Q, dt = sampled`` unpacks it.
+
+    Parameters
+    ----------
+    F, G, Q
+        Matrices (n, n), (n, m) and (n, n).
+    dt
+        Seconds of a sample.
+    """
+
+    states: tuple[str, ...]
+    """Names of the states."""
+    inputs: tuple[str, ...]
+    """Names of the inputs."""
+
+    @classmethod
+    def of(cls, step: Sequence[Array], dt: float, plant: Plant) -> Sampled:
+        """Return the step of a plant: (F, G, Q), each in samples of ``dt`` seconds."""
+        F, G, Q = step
+        # what is less than the rounding of B dt is nothing
+        G = np.where(np.abs(G) < text.ROUNDING * dt * np.max(np.abs(plant.B), initial=0.0), 0.0, G)
+        found = cls(F, G, Q, dt)
+        found.states, found.inputs = plant.states, plant.inputs
+        return found
 
     @property
     def A(self) -> Array:  # noqa: N802
@@ -332,8 +365,7 @@ class Sampled(NamedTuple):
         return self.G
 
     def __repr__(self) -> str:
-        n, m = self.G.shape
-        x, u = [f'x{i}' for i in range(n)], [f'u{i}' for i in range(m)]
+        x, u = self.states, self.inputs
         lines = [f"x' = F x + G u + w, w ~ N(0, Q), in samples of {self.dt:g} s"]
         for name, values, head in (('F', self.F, x), ('G', self.G, u), ('Q', self.Q, x)):
             if values.size:

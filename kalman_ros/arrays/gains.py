@@ -113,8 +113,16 @@ def dlqr(
 ) -> StateFeedback:
     """Return the gain that minimises the sum of x'Q x + 2 x'N u + u'R u along x' = F x + G u.
 
-    Parameters and errors are those of `lqr`; ``dt``, the sample time in seconds, 1 by default,
-    affects only the delay margin and frequencies.
+    Errors are those of `lqr`.
+
+    Parameters
+    ----------
+    F, G
+        Of a step; or a system alone, ``dlqr(system, Q, R)``.
+    Q, R, N
+        Weights (n, n), (m, m) and (n, m).
+    dt
+        The sample time in seconds, 1 by default; it affects only the delay margin and frequencies.
 
     Examples
     --------
@@ -165,9 +173,18 @@ def place(
 ) -> StateFeedback:  # fmt: skip
     """Return the gain with the eigenvalues of A - B K at ``poles``: ``place(A, B, poles)``.
 
-    With ``dt`` the input is held for ``dt`` seconds, and a pole s, in 1/s, becomes exp(s dt); a
-    system that is in discrete time has poles z, and refuses another ``dt`` than its own. For an
-    observer pass A' and C', and transpose the result.
+    For an observer pass A' and C', and transpose the result.
+
+    Parameters
+    ----------
+    A, B
+        Of dx/dt = A x + B u; or a system alone, ``place(model, poles)``.
+    poles
+        n numbers, complex ones in pairs; they may be equal. Those of a system in discrete time
+        are z.
+    dt
+        Seconds for which the input is held. A pole s, in 1/s, becomes exp(s dt); a system in
+        discrete time has its own.
 
     Raises
     ------
@@ -209,6 +226,14 @@ def margins(
     ``margins(A, B, K)`` or ``margins(system, K)`` for a state feedback, ``margins(gain)`` for a
     result of `lqr` or `place`, ``margins(loop)`` for a loop as a whole, such as python-control's
     ``H * P``, also as a transfer function.
+
+    Parameters
+    ----------
+    A, B, C, D
+        Matrices of the loop, with as many outputs as inputs: C is the gain K of a state feedback.
+        A may be a model or a system, which has B, or a gain.
+    dt
+        Seconds of a sample, if the matrices are those of a loop in discrete time.
 
     Returns
     -------
@@ -253,9 +278,17 @@ def discretize(
 ) -> Sampled:
     """Return F, G and Q of x' = F x + G u + w over ``dt`` seconds, exactly, with u held.
 
-    ``F, G, Q, dt = discretize(A, B, dt, W)``, with W the spectral density of the noise, none by
-    default; ``discretize(A, dt)`` without an input; ``discretize(model, dt)``, with the
-    noise that the model has.
+    ``F, G, Q, dt = discretize(A, B, dt, W)``; ``discretize(A, dt)`` without an input;
+    ``discretize(model, dt)``, with the noise that the model has.
+
+    Parameters
+    ----------
+    A, B
+        Of dx/dt = A x + B u + w; or a model or a system alone.
+    dt
+        Seconds of a step.
+    W
+        Spectral density of w (n, n); none by default.
 
     Raises
     ------
@@ -273,7 +306,7 @@ def discretize(
         seconds = duration('dt', B if dt is None else dt)
         model = A if A.is_discrete else linearize(A, *A.equilibrium)
         step = model.transition(*A.equilibrium, seconds)
-        return Sampled(step.F, step.G, step.Q, seconds)
+        return Sampled.of((step.F, step.G, step.Q), seconds, plant(A))
     B, dt, W = shifted(A, (B, dt, W))
     if dt is None and B is not None and np.ndim(B) == 0:  # discretize(A, dt)
         B, dt = None, duration('dt', B)
@@ -286,4 +319,4 @@ def discretize(
             f'A: expected a system in continuous time, got one with samples of {found.dt:g} s'
         )
     density = np.zeros(found.A.shape) if W is None else weight('W', W, len(found.A))
-    return Sampled(*Discretization(found.A, found.B, density)(seconds), seconds)
+    return Sampled.of(Discretization(found.A, found.B, density)(seconds), seconds, found)

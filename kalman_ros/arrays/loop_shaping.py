@@ -14,7 +14,7 @@ from kalman_ros.core.known_names import KnownNames
 
 from . import text
 from .accept import number, plant, rows, weight
-from .foreign import read_system
+from .foreign import Labels, read_system
 from .gain_results import Observer, StateFeedback
 from .observers import observer_of
 
@@ -109,6 +109,6 @@ def loop_shaping(
     found = design.regulator
     return LoopShaping(
         StateFeedback(system, found.gain, found.poles, found.cost_to_go),
-        observer_of(system.A, C, design.estimator, system.states, None),
+        observer_of(system.A, C, design.estimator, Labels(system.states, None, None), None),
         design.state_cost, design.noise, design.least, design.gamma,
     )  # fmt: skip

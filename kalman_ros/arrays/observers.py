@@ -13,8 +13,8 @@ from kalman_ros.control.state_space import state_space
 from kalman_ros.core import Array, Discretization, Dynamics, Sensor
 from kalman_ros.core.known_arguments import knows_arguments
 
-from .accept import columns, duration, rows, square, weight
-from .foreign import read_system
+from .accept import columns, duration, numbered, rows, square, weight
+from .foreign import Labels, labels_of, read_system
 from .gain_results import Observer
 
 
@@ -62,6 +62,7 @@ def lqe(
     """
     if isinstance(A, Dynamics):
         return _of_model(A, G, dt)
+    labels = labels_of(A)
     if (system := read_system('A', A)) is not None:
         if system.dt is not None:
             return dlqe(A, G, C, W, dt=dt)
@@ -69,15 +70,14 @@ def lqe(
     if V is None and N is None:
         G, C, W, V = None, G, C, W
     A, G, C, W, V, N = _noises(A, G, C, W, V, N)
-    states = tuple(f'x{i}' for i in range(len(A)))
     density = G @ W @ G.T
     if dt is None:
         cross = None if N is None else G @ N
-        return observer_of(A, C, estimation.lqe(A, C, density, V, cross), states, None)
+        return observer_of(A, C, estimation.lqe(A, C, density, V, cross), labels, None)
     if N is not None:
         raise ValueError('N: expected nothing where readings come in samples of dt')
     F, _, Q = Discretization(A, np.zeros((len(A), 0)), density)(duration('dt', dt))
-    return observer_of(F, C, estimation.dlqe(F, C, Q, V), states, dt)
+    return observer_of(F, C, estimation.dlqe(F, C, Q, V), labels, dt)
 
 
 @knows_arguments(QN='Q', RN='R', NN='N', A='F', B='G', W='Q', V='R', H='C', Ts='dt')
@@ -94,7 +94,18 @@ def dlqe(
     """Return the steady-state Kalman filter of x' = F x + G w, y = C x + v, in samples.
 
     ``dlqe(F, C, Q, R)``, or ``dlqe(F, G, C, Q, R)`` and ``dlqe(system, Q, R)`` as in
-    python-control. Q and R are the covariances of w and v; otherwise as for `lqe`.
+    python-control. Errors are those of `lqe`.
+
+    Parameters
+    ----------
+    F, G, C
+        Matrices (n, n), (n, p) and (k, n); without G the noise acts on each state directly.
+    Q, R
+        Covariances of w (p, p) and v (k, k).
+    N
+        Covariance of w and v (p, k).
+    dt
+        Seconds between readings, 1 by default.
 
     Examples
     --------
@@ -104,6 +115,7 @@ def dlqe(
     """
     if isinstance(F, Dynamics):
         return _of_model(F, G, dt)
+    labels = labels_of(F)
     if (system := read_system('F', F)) is not None:
         if system.continuous:
             raise ValueError('F: expected a system in discrete time, got one in continuous time')
@@ -113,8 +125,7 @@ def dlqe(
         G, C, Q, R = None, G, C, Q
     F, G, C, Q, R, N = _noises(F, G, C, Q, R, N)
     design = estimation.dlqe(F, C, G @ Q @ G.T, R, None if N is None else G @ N)
-    states = tuple(f'x{i}' for i in range(len(F)))
-    return observer_of(F, C, design, states, duration('dt', dt or 1.0))
+    return observer_of(F, C, design, labels, duration('dt', dt or 1.0))
 
 
 def _noises(A: Any, G: Any, C: Any, W: Any, V: Any, N: Any) -> tuple[Any, ...]:
@@ -147,17 +158,21 @@ def _of_model(model: Dynamics, sensors: Any, dt: float | None) -> Observer:
         R[at : at + k, at : at + k] = sensor.covariance
         at += k
     design = estimation.dlqe(step.F, C, step.Q, R)
-    return observer_of(step.F, C, design, model.state.names, dt)
+    readings = tuple(name for sensor in several for name in sensor.output.names)
+    unique = readings if len({*readings}) == len(readings) else None
+    return observer_of(step.F, C, design, Labels(model.state.names, None, unique), dt)
 
 
 def observer_of(
-    A: Array, C: Array, design: estimation.LqeDesign, states: tuple[str, ...], dt: float | None
+    A: Array, C: Array, design: estimation.LqeDesign, labels: Labels, dt: float | None
 ) -> Observer:
     """Return the filter with its response, x = (s I - A + L C)^-1 L y, or that after a reading."""
+    states, readings = labels.states or numbered('x', len(A)), labels.readings
     L, n = design.predictor_gain, len(A)
     after = np.eye(n), np.zeros(L.shape)
     if dt is not None:
         after = np.eye(n) - design.gain @ C, design.gain
     return Observer(
-        **vars(design), states=states, dt=dt, response=state_space(A - L @ C, L, *after, dt=dt)
-    )
+        **vars(design), states=states, readings=readings or numbered('y', len(C)), dt=dt,
+        response=state_space(A - L @ C, L, *after, dt=dt),
+    )  # fmt: skip

@@ -130,8 +130,20 @@ def discrete_model(
 ) -> DiscreteModel:
     """Return the model x' = F x + G u + w, or x' = f(x, u) + w, once every ``period`` seconds.
 
-    ``discrete_model(F, G, Q)``, with the covariance Q (n, n) of w; otherwise as for
-    `continuous_model`. The period is that of a system, or 1 s.
+    Parameters
+    ----------
+    F
+        (n, n), a system in samples, or a function of the state, and of the input if there is one.
+    G
+        (n, m); for a function the covariance Q takes its place.
+    Q
+        Covariance of w (n, n).
+    states, inputs, angles
+        Names, as for `continuous_model`.
+    period
+        Seconds of a step; that of a system, or 1, by default.
+    equilibrium
+        State and input at which a function of them rests; as for `continuous_model`.
 
     Examples
     --------

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import ArrayLike, refuse_unknown
+from kalman_ros.core import Array, ArrayLike, refuse_unknown
 from kalman_ros.core.known_arguments import knows_arguments
 from kalman_ros.core.known_names import KnownNames
 from kalman_ros.scenario import Scenario
@@ -45,12 +45,21 @@ class SimulatedRun(KnownNames, Trajectory):
     limited: int
     _faults: PlantFaults | None = None
 
+    @property
+    def rms_error(self) -> Array:
+        """The root of the mean square of the error of each state (n,)."""
+        error = self.scenario.model.state.subtract(self.truth, self.estimate)
+        return np.asarray(np.sqrt(np.mean(error**2, axis=0)))
+
+    @property
+    def claimed(self) -> Array:
+        """The deviation of each state that the filter claims, as a root of the mean (n,)."""
+        return np.asarray(np.sqrt(self.covariance.diagonal(axis1=1, axis2=2).mean(axis=0)))
+
     def __repr__(self) -> str:
         scenario, steps = self.scenario, len(self.time)
         state, input = scenario.model.state, scenario.model.input
-        error = state.subtract(self.truth, self.estimate)
-        rms = np.sqrt(np.mean(error**2, axis=0)).tolist()
-        claimed = np.sqrt(self.covariance.diagonal(axis1=1, axis2=2).mean(axis=0)).tolist()
+        rms, claimed = self.rms_error.tolist(), self.claimed.tolist()
         law = f', law {scenario.law}' if scenario.law else ''
         lines = [
             f'{type(scenario.model).__name__} for {self.time[-1]:g} s at {scenario.rate:g} Hz, '

@@ -14,7 +14,7 @@ from kalman_ros.core import Array
 WIDTH = 79
 _MOST_COLUMNS = 8
 #: Share of the largest number of a matrix that rounding has.
-_ROUNDING = 1e-15
+ROUNDING = 1e-15
 
 
 def number(value: complex) -> str:
@@ -40,9 +40,7 @@ def matrix(rows: Sequence[str], columns: Sequence[str], values: Array) -> list[s
     """Return the lines of a matrix with its names, in parts if it is wide."""
     lines: list[str] = []
     # what is less than the rounding of the largest number is printed as 0
-    values = np.where(
-        np.abs(values) < _ROUNDING * np.max(np.abs(values), initial=0.0), 0.0, values
-    )
+    values = np.where(np.abs(values) < ROUNDING * np.max(np.abs(values), initial=0.0), 0.0, values)
     for start in range(0, len(columns), _MOST_COLUMNS):
         part = slice(start, start + _MOST_COLUMNS)
         body = ([name, *map(number, row[part].tolist())] for name, row in zip(rows, values))

@@ -88,7 +88,7 @@ class DiskMargin:
 
 @dataclass(frozen=True)
 class Margins:
-    """The changes that the loop tolerates, one at a time.
+    """The changes that the loop tolerates, one at a time: a value, and a frequency in rad/s.
 
     Parameters
     ----------

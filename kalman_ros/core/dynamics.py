@@ -32,7 +32,14 @@ class LinearizedStep(NamedTuple):
 
 
 class OperatingPoint(NamedTuple):
-    """A state (n,) and an input (m,) about which a model is linearised.
+    """A state and an input about which a model is linearised.
+
+    Parameters
+    ----------
+    state
+        (n,).
+    input
+        (m,).
 
     Examples
     --------

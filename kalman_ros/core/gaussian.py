@@ -23,7 +23,14 @@ class _Moments(NamedTuple):
 
 
 class Gaussian(KnownNames, _Moments):
-    """A mean (n,) and a covariance (n, n).
+    """A normal distribution.
+
+    Parameters
+    ----------
+    mean
+        Its mean (n,).
+    covariance
+        Its covariance (n, n).
 
     Raises
     ------

@@ -156,8 +156,10 @@ def loops(report: DesignReport, path: Path | None) -> None:
         legend_below(figure, parts[-1].axes[-1])
 
 
-def feedback_loops(channels: Sequence[InputLoops], rate: float, path: Path | None) -> None:
-    """Draw Bode and Nyquist plots of a feedback of the state at each input.
+def feedback_loops(
+    channels: Sequence[InputLoops], rate: float, path: Path | None, label: str
+) -> None:
+    """Draw Bode and Nyquist plots of a feedback at each input.
 
     Parameters
     ----------
@@ -167,11 +169,13 @@ def feedback_loops(channels: Sequence[InputLoops], rate: float, path: Path | Non
         Samples a second; infinite in continuous time.
     path
         Where to save the picture; None to show it.
+    label
+        Of the curves.
     """
     with canvas(path, (9.5, 4.0 * len(channels) + 0.3), _LOOPS) as figure:
         parts = figure.subfigures(len(channels), 1, squeeze=False)[:, 0]
         for part, channel in zip(parts, channels):
-            _draw_input(part, channel, ('u = -K x', ''), rate)
+            _draw_input(part, channel, (label, ''), rate)
         legend_below(figure, parts[-1].axes[-1])
 
 

@@ -70,7 +70,31 @@ class SensorSource:
 
 @dataclass(frozen=True, repr=False)
 class Scenario:
-    """A model, its sensors, its signals and its rate, built and checked as a whole."""
+    """A model, its sensors, its signals and its rate, built and checked as a whole.
+
+    Parameters
+    ----------
+    model
+        The model of the robot.
+    sensors
+        By name, the sensors, each with its topic and its rate.
+    state, input
+        The topics of the state and of the input, and the fields in them.
+    rate
+        Of the loop, in Hz.
+    initial_state
+        At which the plant begins (n,).
+    initial_belief
+        Of the estimator, at the first reading.
+    state_cost, input_cost
+        Weights (n, n) and (m, m) of the regulator.
+    filter, filter_options
+        Name of the filter, and those of its options that are given.
+    law, law_options
+        Name of the law, '' without one, and its options.
+    datum
+        The origin of satellite fixes in metres; None for the first one.
+    """
 
     model: Dynamics
     sensors: Mapping[str, SensorSource]
@@ -84,9 +108,7 @@ class Scenario:
     filter: str
     law: str
     law_options: Mapping[str, Value]
-    #: The options of the filter, those that are given.
     filter_options: Mapping[str, Value] = field(default_factory=dict)
-    #: The origin of satellite fixes in metres; None for the first one.
     datum: Place | None = None
 
     def __repr__(self) -> str:

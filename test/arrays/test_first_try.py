@@ -117,7 +117,7 @@ HELPED = [
     (lambda: kr.discretize(A, B), 'dt: expected a number of seconds, got nothing'),
     (lambda: GAIN.L, "StateFeedback has no 'L'; it has E, K, S, T, cost_to_go, dt, gain"),
     (lambda: GAIN.margin, "StateFeedback has no 'margin'; did you mean 'margins'?"),
-    (lambda: OBSERVER.K, "Observer has no 'K'; it has E, L, P, T, covariance, dt, gain"),
+    (lambda: OBSERVER.K, "Observer has no 'K'; here it is .L"),
     (lambda: FOUND.x, "Estimates has no 'x'; here it is .mean"),
     (lambda: (lambda x, P: x)(*FOUND), 'take .mean (N, n) and .covariance (N, n, n)'),
     (lambda: kr.smooth((FOUND.mean, FOUND.covariance)), 'expected what kr.filter returns, got'),

@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The examples in the docstrings of public names run, and print what stands there."""
 
+import dataclasses
 import doctest
 import inspect
+import re
+from importlib import import_module
+from pathlib import Path
 
 import pytest
 
@@ -18,6 +22,38 @@ WITHOUT = {'DesignError', 'Run', 'export', 'replay'}
 
 def test_every_name_has_an_example_but_those_that_need_more():
     assert {*kr.__all__} - EXAMPLES.keys() == WITHOUT
+
+
+def described(obj):
+    """Return the names under Parameters in the docstrings of an object and of its bases."""
+    names = set()
+    for each in getattr(obj, '__mro__', (obj,)):
+        text = inspect.cleandoc(each.__doc__ or '') if 'kalman_ros' in each.__module__ else ''
+        section = re.search(r'Parameters\n-+\n(.*?)(\n\n[A-Z][a-z]+\n-+\n|\Z)', text, re.DOTALL)
+        lines = section[1].splitlines() if section else []
+        names |= {n.strip(' *') for line in lines if line[:1].strip() for n in line.split(',')}
+    return names
+
+
+def results():
+    """Return the classes that the page of the interface lists under Results."""
+    page = Path(__file__).parents[2] / 'docs' / 'reference' / 'api.md'
+    for module, name in re.findall(r'^   (kalman_ros\.\S+)\.(\w+)$', page.read_text(), re.M):
+        yield getattr(import_module(module), name)
+
+
+def test_every_argument_and_every_field_is_described():
+    missing = []
+    for obj in (*(getattr(kr, name) for name in kr.__all__), *results()):
+        if dataclasses.is_dataclass(obj):
+            given = [field.name for field in dataclasses.fields(obj)]
+        elif isinstance(obj, type):
+            given = list(getattr(obj, '_fields', ()))
+        else:
+            given = list(inspect.signature(obj).parameters)
+        public = {name for name in given if not name.startswith('_')}
+        missing += [f'{obj.__name__}: {name}' for name in sorted(public - described(obj))]
+    assert not missing
 
 
 @pytest.mark.slow
