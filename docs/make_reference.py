@@ -176,9 +176,13 @@ def names() -> Iterator[str]:
         yield f'| `{there}` | {code(here)} |'
 
 
+#: Parentheses, with others in them, and in these.
+_CALL = r'\((?:[^()]|\((?:[^()]|\([^()]*\))*\))*\)'
+
+
 def code(here: str) -> str:
     """Return a name or a call at the start of a phrase as code."""
-    found = re.match(r'[\w.]+(\((?:[^()]|\([^()]*\))*\)(?:\.\w+(?:\([^()]*\))?)?)?', here)
+    found = re.match(rf'[\w.]+({_CALL}(?:\.\w+(?:{_CALL})?)?)?', here)
     assert found is not None
     name, rest = found[0], here[found.end() :]
     separator = ''

@@ -8,42 +8,16 @@ from rich.console import Console
 
 pytest.importorskip('rclpy')
 
-from rclpy.serialization import serialize_message
-from tools.doctor_score.recordings import Injection, recorded, simulated, values_of
+from injected_bag import write_bag
+from tools.doctor_score.recordings import Injection, recorded, values_of
 
 from kalman_ros.analysis.diagnosis.diagnose import diagnose
-from kalman_ros.bags.recording_writer import RecordingWriter
-from kalman_ros.codecs.messages import full_type
-from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.programs.doctor import program, tables
-from kalman_ros.scenario import build, shipped
-from kalman_ros.scenario.parameter_files import from_file
 
 pytestmark = pytest.mark.slow
 
 SCENARIO = 'mass_spring_damper'
 NEGATED = Injection(edits={'velocity': values_of(lambda y: -y)})
-
-
-def write_bag(folder, injection, seconds=10.0):
-    """Write a recording of the scenario as a bag, without a node."""
-    readings, inputs = simulated(SCENARIO, injection, seconds, 3)
-    scenario = build(from_file(shipped.file(SCENARIO), 'estimator'))
-    rows = []
-    with RecordingWriter(folder) as writer:
-        for name, each in readings.items():
-            source = scenario.sensors[name]
-            R = source.sensor.covariance
-            columns = zip(each.received, each.stamp, each.value)
-            rows += [(source.signal, *row, R) for row in columns]
-        rows += [(scenario.input, *row, None) for row in zip(*vars(inputs).values())]
-        for signal in {id(row[0]): row[0] for row in rows}.values():
-            writer.add(f'/{signal.topic}', full_type(signal.type))
-        codecs = {row[0].topic: SignalCodec(row[0]) for row in rows}
-        for signal, received, stamp, value, R in rows:
-            message = codecs[signal.topic].encode(round(stamp * 1e9), value, R)
-            data = bytes(serialize_message(message))
-            writer.write(f'/{signal.topic}', round(received * 1e9), data)
 
 
 def run(*arguments):
@@ -53,13 +27,13 @@ def run(*arguments):
 
 
 def test_a_clean_bag_passes(tmp_path, capsys):
-    write_bag(tmp_path / 'bag', Injection())
+    write_bag(tmp_path / 'bag', SCENARIO, Injection(), 10.0, 3)
     assert run(tmp_path / 'bag', '--params-file', SCENARIO, '--out', tmp_path / 'out') == 0
     assert capsys.readouterr().out.splitlines()[-1].startswith('PASS, 0 findings')
 
 
 def test_a_bag_with_a_wrong_sign_fails_with_the_lines_to_change(tmp_path, capsys):
-    write_bag(tmp_path / 'bag', NEGATED)
+    write_bag(tmp_path / 'bag', SCENARIO, NEGATED, 10.0, 3)
     (tmp_path / 'out').mkdir()
     (tmp_path / 'out' / '02-bias.png').write_bytes(b'of an earlier diagnosis')
     assert run(tmp_path / 'bag', '--params-file', SCENARIO, '--out', tmp_path / 'out') == 1
