@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,8 @@ from .style import CURVES, envelope, log_ticks, picture, time_unit
 _GAINS, _CURVES = 400, len(CURVES)
 #: Curves whose magnitudes differ by more than this factor are drawn on a logarithmic axis.
 _WIDE = 30.0
+#: Curves that differ by less, as a share of their largest value, are one in a picture.
+_COINCIDE = 0.01
 #: Deviations that differ by more than this factor are drawn on a logarithmic axis.
 _DECADE = 10.0
 
@@ -45,12 +48,12 @@ def gains(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
         for row, unit in zip(axes, units):
             row[0].set_ylabel(f'sigma [{unit}]' if unit else 'sigma')
             indices = [index for index, other in enumerate(space.units) if other == unit]
-            for colour, index in zip(_colours(len(indices)), indices):
-                below = len(indices) > 1 and index == indices[0]  # equal ones are both seen
-                width = 2.2 if below else 1.0
-                for axis, (time, std) in zip(row, ((run.time, _std(run.covariance)), close)):
-                    axis.plot(*envelope(time, std[:, index]), lw=width, color=colour,
-                              label=space.names[index])  # fmt: skip
+            whole = _std(run.covariance)
+            alike = _alike({index: whole[:, index] for index in indices})
+            for colour, (index, others) in zip(_colours(len(alike)), alike.items()):
+                label = ', '.join(space.names[other] for other in others)
+                for axis, (time, std) in zip(row, ((run.time, whole), close)):
+                    axis.plot(*envelope(time, std[:, index]), lw=1.0, color=colour, label=label)
             for axis in row:
                 _scale(axis)
         for row, (name, gains_) in zip(axes[len(units) :], by_sensor.items()):
@@ -75,6 +78,16 @@ def _scale(axis: Any) -> None:
     low, high = axis.get_ylim()
     axis.set_ylim(low / 1.4, high * 1.4)  # leaves room for a second tick
     log_ticks(axis)
+
+
+def _alike(curves: Mapping[int, Array]) -> dict[int, list[int]]:
+    """Return the curves that differ, by their first index, each with all that coincide with it."""
+    groups: dict[int, list[int]] = {}
+    for index, curve in curves.items():
+        width = _COINCIDE * float(np.abs(curve).max(initial=0.0))
+        same = (of for of in groups if np.abs(curves[of] - curve).max(initial=0.0) <= width)
+        groups.setdefault(next(same, index), []).append(index)
+    return groups
 
 
 def _colours(count: int) -> list[str]:
@@ -150,15 +163,17 @@ def _draw_gains(
     effect /= np.maximum(_std(run.covariance).mean(axis=0), 1e-300)[:, np.newaxis]
     strongest = np.argsort(-effect, axis=None)[:_CURVES]
     kept = [index for index in strongest if effect.flat[index] > 0.01 * effect.max()]
+    flat = L.reshape(len(L), -1)
+    alike = _alike({int(index): flat[:, index] for index in sorted(kept)})
     sizes: list[float] = []
-    for colour, index in zip(CURVES, sorted(kept)):
-        i, j = np.unravel_index(index, effect.shape)
-        label = f'{space.names[i]} by {output.names[j]}'
+    for colour, (first, group) in zip(CURVES, alike.items()):
+        pairs = [np.unravel_index(index, effect.shape) for index in group]
+        label = ', '.join(f'{space.names[i]} by {output.names[j]}' for i, j in pairs)
+        i, j = pairs[0]
         label += _gain_unit(space.units[i], output.units[j])
-        width = 2.2 if len(kept) > 1 and not sizes else 0.9
         for axis, marker in zip(row, ('-', '.-')):
-            axis.plot(time, L[:, i, j], marker, ms=3.0, lw=width, color=colour, label=label)
-        sizes.append(float(np.abs(L[:, i, j]).mean()))
+            axis.plot(time, flat[:, first], marker, ms=3.0, lw=0.9, color=colour, label=label)
+        sizes.append(float(np.abs(flat[:, first]).mean()))
     if sizes and max(sizes) > _WIDE * min(sizes) > 0.0:
         for axis in row:
             axis.set_yscale('symlog', linthresh=10.0 ** np.floor(np.log10(min(sizes))))

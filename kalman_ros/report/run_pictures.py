@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from math import ceil
+from math import ceil, inf
 from pathlib import Path
 from typing import Any
 
@@ -240,30 +240,45 @@ def errors(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
     std = np.sqrt(run.covariance.diagonal(axis1=1, axis2=2))
     least = _least_std(scenario, run)
     shows = f'An honest filter has {100 * _OUTSIDE:.2f} % of its errors outside of the blue lines.'
-    with picture(path, space.size, 1, (8.0, 1.5 * space.size + 0.8), shows) as (figure, axes):
+    start = close_up(scenario, run)
+    with picture(path, space.size, 2, (10.0, 1.5 * space.size + 0.8), shows) as (figure, axes):
         for index, name in enumerate(space.names):
-            axis = axes[index, 0]
-            time, deviation = envelope(run.time, std[:, index])
-            if least is not None:
-                axis.fill_between(
-                    run.time, -SIGMAS * least[:, index], SIGMAS * least[:, index],
-                    color=BOUND, alpha=0.35, lw=0, label=f'{SIGMAS:g} sigma at best (Cramér-Rao)',
-                )  # fmt: skip
-            axis.plot(run.time, error[:, index], color=TRUTH, lw=0.8, label='truth - estimate')
-            for sign in (-SIGMAS, SIGMAS):
-                axis.plot(
-                    time, sign * deviation, color=ESTIMATE, lw=1.0,
-                    label=f'{SIGMAS:g} sigma of the filter' if sign > 0 else None,
-                )  # fmt: skip
-            band = SIGMAS * float(np.quantile(std[:, index], 0.9))
-            limit = 1.2 * max(band, float(np.abs(error[:, index]).max()))
-            axis.set_ylim(-limit, limit)
+            bound = None if least is None else least[:, index]
+            for axis, until in zip(axes[index], (inf, start)):
+                shown = slice(int(np.searchsorted(run.time, until, side='right')))
+                _draw_error(axis, run.time, error[:, index], std[:, index], bound, shown)
             outside = float(np.mean(np.abs(error[:, index]) > SIGMAS * std[:, index]))
-            axis.set_title(f'{100 * outside:.2f}% outside', loc='right', fontweight='normal')
-            axis.set_ylabel(f'error of\n{space.label(name)}')
+            axes[index, 0].set_title(
+                f'{100 * outside:.2f}% outside', loc='right', fontweight='normal'
+            )
+            axes[index, 0].set_ylabel(f'error of\n{space.label(name)}')
         axes[0, 0].set_title('The error, and the band of the filter')
+        axes[0, 1].set_title(f'The first {start:.3g} {time_unit()}')
         legend_below(figure, axes[0, 0])
     return axes
+
+
+def _draw_error(
+    axis: Any, time: Array, error: Array, std: Array, least: Array | None, shown: slice
+) -> None:
+    """Draw an error (N,) with its bands, of the rows that are shown."""
+    time, error, std = time[shown], error[shown], std[shown]
+    if least is not None:
+        axis.fill_between(
+            time, -SIGMAS * least[shown], SIGMAS * least[shown], color=BOUND, alpha=0.35, lw=0,
+            label=f'{SIGMAS:g} sigma at best (Cramér-Rao)',
+        )  # fmt: skip
+    axis.plot(time, error, color=TRUTH, lw=0.8, label='truth - estimate')
+    times, deviation = envelope(time, std)
+    for sign in (-SIGMAS, SIGMAS):
+        axis.plot(
+            times, sign * deviation, color=ESTIMATE, lw=1.0,
+            label=f'{SIGMAS:g} sigma of the filter' if sign > 0 else None,
+        )  # fmt: skip
+    # the band of the first moments, before any reading, would hide the rest
+    band = SIGMAS * float(np.quantile(std, 0.9))
+    limit = 1.2 * max(band, float(np.abs(error).max()))
+    axis.set_ylim(-limit, limit)
 
 
 def _least_std(scenario: Scenario, run: Trajectory) -> Array | None:

@@ -160,7 +160,7 @@ def _draw(checks: Sequence[Check], path: Path) -> None:
         sensors.set_xlabel('noise of the sensor [m] (log)')
         sensors.set_title('A worse sensor (dots: measured; bars: allowed)')
         sensors.set_ylabel('rad/s and m (log)')
-        sensors.legend(loc='upper right')
+        sensors.legend(loc='upper center', bbox_to_anchor=(0.5, -0.18), ncols=2, fontsize=8)
         for noise, colour in ((NOISES[0], ESTIMATE), (NOISES[-1], INPUT)):
             trade.plot(
                 [rms(2, noise, w) for w in weights.tolist()],
@@ -179,7 +179,7 @@ def _draw(checks: Sequence[Check], path: Path) -> None:
         trade.set_xlabel('RMS of the input [N] (log)')
         trade.set_ylabel('RMS of the position [m] (log)')
         trade.set_title('Fast control needs a good sensor')
-        trade.legend(loc='upper right')
+        trade.legend(loc='upper center', bbox_to_anchor=(0.5, -0.18), ncols=2, fontsize=8)
         for axis in (sensors, trade):
             axis.set_xscale('log')
             axis.set_yscale('log')

@@ -143,7 +143,7 @@ def _draw(sides: tuple[Trial, Trial], boundaries: tuple[float, float], path: Pat
         )
         axis.set_xscale('log')
         axis.set_yscale('log')
-        axis.set_xlabel('weight of the state and noise of the model, q = sigma')
+        axis.set_xlabel('weight of the state, and density of the noise')
         axis.set_ylabel('gain margin, part of the gain (log)')
         axis.set_title('The stronger, the smaller the margin of LQG')
         axis.legend(loc='lower left')

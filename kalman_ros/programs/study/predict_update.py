@@ -182,7 +182,8 @@ def _draw(filters: Filters, path: Path) -> None:
         measured = [_gain(filters, step) for step in steps[1:]]
         gain.plot(run.time[steps[1:]], measured, 'o', color=ESTIMATE, ms=4, label='measured')
         gain.axhline(_steady_gain(), color=INPUT, lw=1.0, ls='--', label='steady state')
-        gain.set(title='The gain of each reading', ylabel='L', xlabel='time [s]', ylim=(0.0, 1.05))
+        gain.set(title='The gain of each reading', ylabel='gain', xlabel='time [s]',
+                 ylim=(0.0, 1.05))  # fmt: skip
         gain.legend(loc='upper right')
         for label, estimate, gains, colour in (
             ('steady gain', filters.steady, _steady_gains(read), INPUT),
@@ -207,7 +208,7 @@ def _draw_saw(axis: Any, run: Trajectory) -> None:
     axis.plot(time, np.stack((P, np.append(P[:-1] + Q, 0.0)), axis=1).ravel()[:-1],
               color=ESTIMATE)  # fmt: skip
     axis.axhline(R, color=READING, lw=1.0, ls='--', label='R of a reading')
-    axis.set(title='P grows, and shrinks at a reading', ylabel='P', xlabel='time [s]',
+    axis.set(title='P grows, and shrinks at a reading', ylabel='variance', xlabel='time [s]',
              ylim=(0.0, 1.2))  # fmt: skip
     axis.legend(loc='upper right')
 
@@ -229,5 +230,5 @@ def _draw_product(axis: Any, filters: Filters) -> None:
         density = np.exp(-0.5 * (x - mean) ** 2 / variance) / np.sqrt(2.0 * np.pi * variance)
         axis.plot(x, density, color=colour, label=label)
     axis.axvline(run.truth[step, 0], color=TRUTH, lw=0.8, ls=':', label='truth')
-    axis.set(title='A reading at 0.5 s', ylabel='density', xlabel='x')
+    axis.set(title='A reading at 0.5 s', ylabel='density', xlabel='the level')
     axis.legend(loc='upper right', fontsize=8)

@@ -110,9 +110,9 @@ def _most(*groups: Mapping[str, tuple[Array, Array]]) -> float:
 def _draw(
     spikes: Mapping[str, tuple[Array, Array]], rows: Mapping[str, tuple[Array, Array]], path: Path
 ) -> None:
-    from kalman_ros.report.style import BOUND, ESTIMATE, INPUT, READING, picture
+    from kalman_ros.report.style import BOUND, ESTIMATE, INPUT, READING, legend_below, picture
 
-    with picture(path, 1, 2, (9.0, 3.3)) as (_, (axes,)):
+    with picture(path, 1, 2, (9.0, 3.6)) as (figure, (axes,)):
         for axis, found in zip(axes, (spikes, rows)):
             for colour, (name, (time, distance)) in zip((INPUT, READING, ESTIMATE), found.items()):
                 axis.plot(time, distance, color=colour, lw=1.1, label=name)
@@ -120,4 +120,4 @@ def _draw(
         axes[0].set_title(f'One fix in {EVERY:g} s is {OFF:g} m off')
         axes[1].set_title(f'{ROW * FIXES:.0f} fixes in a row, three other receivers')
         axes[1].axvspan(QUIET, QUIET + ROW, color=BOUND, alpha=0.12, lw=0)
-        axes[0].legend(loc='upper right')
+        legend_below(figure, axes[0])

@@ -95,7 +95,7 @@ def _curves(
         consistency.plot(x, anees, '.-', color=ESTIMATE, lw=1.0)
         if (anees > 5.0).any():
             consistency.set_yscale('log')
-        consistency.set_ylabel('ANEES')
+        consistency.set_ylabel('squared error / claimed\n(ANEES)')
         lost.plot(x, [100.0 * point.lost for point in points], '.-', color=TRUTH, lw=1.0)
         lost.set_ylim(-3.0, 103.0)
         lost.set_ylabel('lost [%]')
@@ -132,7 +132,7 @@ def _maps(
         f'RMS error of {state.label(state.names[0])}': grid(
             [point.rms[0] if point.rms else np.nan for point in points]
         ),
-        'ANEES': grid([point.anees for point in points]),
+        'squared error / claimed (ANEES)': grid([point.anees for point in points]),
         _LOST: grid([100.0 * point.lost for point in points]),
     }
     panels = {title: values for title, values in panels.items() if np.isfinite(values).any()}

@@ -36,9 +36,10 @@ def draw_profiles(profiles: Sequence[Profile], path: Path) -> None:
             axis.axhline(_DROP, color=READING, lw=0.8, ls='--', label='95 %')
             axis.set_ylim(-6.0, 0.5)
             axis.set_title(profile.name.removeprefix('model_parameters.'))
-            axis.set_xlabel(f'[{profile.unit}]' if profile.unit else '')
+            axis.set_xlabel(f'value [{profile.unit}]' if profile.unit else 'value')
             axis.xaxis.set_major_locator(MaxNLocator(4))
             axis.xaxis.set_minor_formatter(NullFormatter())
+        axes.flat[0].set_ylabel('log-likelihood, less its maximum')
         axes.flat[0].legend(fontsize=7, loc='lower center')
 
 
