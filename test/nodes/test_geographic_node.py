@@ -49,7 +49,7 @@ def test_points_and_places_are_answered_on_topics(pair, capfd):
     found.publisher(NavSatFix, 'estimator/from_ll').publish(fix)
     found.until(points, 'no point')
     (back,) = points()
-    assert (back.point.x, back.point.y, back.point.z) == pytest.approx((30, -40, 2), abs=1e-6)
+    assert (back.point.x, back.point.y, back.point.z) == pytest.approx((30, -40, 0), abs=1e-6)
     assert back.header.frame_id == 'map' and back.header.stamp == point.header.stamp
     point.header.frame_id = 'odom'
     ask.publish(point)
@@ -74,9 +74,9 @@ class Node:
         return SimpleNamespace(warning=self.said.append, info=lambda text: None)
 
 
-def served(datum=DATUM):
+def served(datum=DATUM, **options):
     node = Node()
-    server = GeographicServer(node, 'map', Origin(datum))
+    server = GeographicServer(node, 'map', Origin(datum), **options)
     server._make_place = SimpleNamespace
     return node, server
 
@@ -106,6 +106,17 @@ def test_a_place_without_a_height_is_at_that_of_the_datum():
     request = SimpleNamespace(ll_point=geographic(49.8728, 8.6512, float('nan')))
     point = server._from_ll(request, SimpleNamespace()).map_point
     assert (point.x, point.y, point.z) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+
+
+def test_a_place_of_a_plane_has_no_height():
+    node, server = served(level=True)
+    where = PLANE.place(np.array([100.0, 20.0, -3.0]))
+    found = server._from_ll(SimpleNamespace(ll_point=geographic(*where)), SimpleNamespace())
+    assert (found.map_point.x, found.map_point.z) == (pytest.approx(100.0, abs=1e-6), 0.0)
+    server._on_fix(NavSatFix(latitude=where[0], longitude=where[1], altitude=where[2]))
+    assert node.said[-1].point.z == 0.0
+    nowhere = server._from_ll(SimpleNamespace(ll_point=geographic(91.0, 0.0)), SimpleNamespace())
+    assert np.isnan(nowhere.map_point.z)
 
 
 @pytest.mark.parametrize(

@@ -61,10 +61,12 @@ class GeographicServer:
         Frame of the estimates; a point in another one is refused, one without a frame is not.
     origin
         Datum, which the first fix may set.
+    level
+        Whether the map is a plane: a place has no height in it.
     """
 
-    def __init__(self, node: Host, frame: str, origin: Origin) -> None:
-        self._frame, self._origin = frame, origin
+    def __init__(self, node: Host, frame: str, origin: Origin, *, level: bool = False) -> None:
+        self._frame, self._origin, self._level = frame, origin, level
         self._warn = Throttle(node.get_logger().warning)
         node.create_subscription(PointStamped, TO_LL, self._on_point, QUESTIONS)
         node.create_subscription(NavSatFix, FROM_LL, self._on_fix, QUESTIONS)
@@ -104,7 +106,7 @@ class GeographicServer:
         where = message.latitude, message.longitude, message.altitude
         local = self._answer(FROM_LL, lambda plane: local_of(plane, _place(where)))
         if local is not None:
-            found = PointStamped(header=message.header, point=_point(local))
+            found = PointStamped(header=message.header, point=self._point(local))
             found.header.frame_id = self._frame
             self._points.publish(found)
 
@@ -134,7 +136,11 @@ class GeographicServer:
     def _read_place(self, service: str, found: Any) -> Point:
         where = found.latitude, found.longitude, found.altitude
         local = self._answer(service, lambda plane: local_of(plane, _place(where)))
-        return _point(local or _NOWHERE)
+        return self._point(local or _NOWHERE)
+
+    def _point(self, local: tuple[float, ...]) -> Point:
+        x, y, z = local
+        return Point(x=x, y=y, z=0.0 if self._level and not isnan(x) else z)
 
     def _answer(self, question: str, convert: Callable[[TangentPlane], Any]) -> Any:
         """Return what ``convert`` makes of the plane; None with a warning if that is nothing."""
@@ -154,10 +160,6 @@ def _place(values: tuple[float, float, float]) -> Place:
     latitude, longitude, height = values
     known = place('place', (latitude, longitude, 0.0 if isnan(height) else height))
     return known._replace(altitude=height)
-
-
-def _point(local: tuple[float, ...]) -> Point:
-    return Point(**dict(zip('xyz', local)))
 
 
 def service_type(kind: str) -> Any:

@@ -33,6 +33,7 @@ from kalman_ros.pipeline.mounts import Mounts
 from kalman_ros.pipeline.named_state import StateReader
 from kalman_ros.pipeline.settings import Settings, estimator_extra
 from kalman_ros.scenario import Scenario
+from kalman_ros.scenario.body_roles import body_of
 
 from .changeover import Changeover
 from .channel import InputChannel, SensorChannel
@@ -125,7 +126,9 @@ class EstimatorNode(runtime.ScenarioNode):
         self.create_service(SetBool, '~/toggle', self._on_toggle)
         self._answer_as_robot_localization(take)
         if uses_fixes(self.scenario) or self._origin.plane is not None:
-            GeographicServer(self, self.options.frame, self._origin)
+            position = body_of(self.scenario.model.state, self.scenario.state).position
+            level = len(position) < 3
+            GeographicServer(self, self.options.frame, self._origin, level=level)
 
     def publish(self, time: int, belief: Gaussian) -> None:
         """Publish the belief at ``time``, in nanoseconds, once it knows all states."""

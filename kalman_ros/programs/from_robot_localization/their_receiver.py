@@ -98,7 +98,7 @@ _NAVIGATION = {
     'frequency': 'not needed: there is no second node',
     'delay': 'not needed: there is no second node',
     'wait_for_datum': 'whether datum counts; without one the first good fix is it',
-    'zero_altitude': 'up is no field where it is true, or z is not used; fromLL has the height',
+    'zero_altitude': 'up is no field where it is true, or z is not used',
     'publish_filtered_gps': 'publish_fix, true by default',
     'use_odometry_yaw': 'not needed: the heading is a state',
     'broadcast_utm_transform': 'not needed: there is no UTM zone',
