@@ -262,6 +262,6 @@ def test_outliers_in_a_row_are_runs():
 
 @pytest.mark.slow
 def test_units_go_by_the_unit_of_the_model(spring):
-    of_place = conversions(Examination(spring), 'position', (0,))
+    of_place = conversions(spring.scenario.sensors['position'].sensor.output, (0,))
     assert of_place[0.3048] == 'feet'
     assert 1e5 not in of_place

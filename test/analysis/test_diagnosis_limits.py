@@ -24,6 +24,8 @@ from kalman_ros.analysis.diagnosis.units import AFFINE, UNITS
 from kalman_ros.estimators.outcome import Outcome
 
 FACTORS = {
+    'gauss': 1e-4,
+    'microtesla': 1e-6,
     'degrees': np.pi / 180.0,
     'radians, where degrees are expected': 57.295779513082323,
     'km/h': 1000.0 / 3600.0,

@@ -327,11 +327,11 @@ def plane(angle):
 def test_the_best_rotation_is_that_of_the_readings():
     for angle in (0.5, -2.0, 3.1):
         turn = mounting.best_rotation(vector(plane(angle), 100.0, 2), 's', (0, 1))
-        assert mounting._rotation_angle(turn) == pytest.approx(angle, abs=np.pi / 720)
+        assert mounting.rotation_angle(turn) == pytest.approx(angle, abs=np.pi / 720)
     turn = np.array([0.3, -0.5, 0.2])
     found = mounting.best_rotation(vector(rotations.exp(turn), 100.0, 3), 's', (0, 1, 2))
     np.testing.assert_allclose(rotations.log(found), turn, atol=1e-4)
-    assert mounting._rotation_angle(found) == pytest.approx(np.linalg.norm(turn), abs=1e-4)
+    assert mounting.rotation_angle(found) == pytest.approx(np.linalg.norm(turn), abs=1e-4)
 
 
 @pytest.mark.parametrize(

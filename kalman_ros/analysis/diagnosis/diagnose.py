@@ -27,6 +27,7 @@ from . import (
     frozen,
     gates,
     gross,
+    input_axes,
     inputs,
     lateness,
     leftover,
@@ -59,8 +60,8 @@ PLAIN: Sequence[Detector] = (
 #: Detectors of findings in the innovations of a filter.
 FITTED: Sequence[Detector] = (
     units.find, mounting.find, unrelated.find, outliers.find, lateness.hidden, bias.find,
-    inputs.find, contradicted_parameters.find, first_belief.find, noise_levels.find,
-    lever_arms.find, stretch.find,
+    inputs.find, input_axes.find, contradicted_parameters.find, first_belief.find,
+    noise_levels.find, lever_arms.find, stretch.find,
 )  # fmt: skip
 #: Detectors of findings that hold from the first seconds on.
 SIMPLE: Sequence[Detector] = (
@@ -86,6 +87,8 @@ _TIED = 0.85
 _CONSISTENT = 0.03
 #: A share of the misfit below this is little.
 _LITTLE = 0.05
+#: A cause of a smaller certainty is a note.
+_DOUBTFUL = 0.01
 #: A gain below this share of the number of values read is irrelevant, even if it is significant.
 _RELEVANT = 0.002
 
@@ -133,8 +136,16 @@ def diagnose(evidence: Evidence, progress: Callable[[str], None] = lambda text: 
     findings += common_noise.find(case)
     notes += leftover.find(case)
     progress('proofs')
-    proven = tuple(_prove(evidence, finding) for finding in _rank(findings))
-    return Diagnosis(proven, tuple(notes), before, case.passage.misfit)
+    proven = [_prove(evidence, finding) for finding in _rank(findings)]
+    notes += [_as_note(finding) for finding in proven if finding.certainty < _DOUBTFUL]
+    sure = tuple(finding for finding in proven if finding.certainty >= _DOUBTFUL)
+    return Diagnosis(sure, tuple(notes), before, case.passage.misfit)
+
+
+def _as_note(finding: Finding) -> Finding:
+    """Return a finding of next to no certainty as a note: no model is exact."""
+    doubt = f'less than {100.0 * _DOUBTFUL:.0f} % sure is this: {finding.sentence}'
+    return replace(finding, note=True, sentence=doubt)
 
 
 def _find_without_filter(evidence: Evidence) -> tuple[list[Finding], Examination]:

@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import takewhile
 from math import log, pi
 
 import numpy as np
 
+from . import input_axes
 from .examination import CHANCE, Examination
 from .finding import Finding
 from .left_out import left_out
@@ -19,9 +20,12 @@ from .units import conversions, groups, mixed, scaled
 
 #: A filter is lost if its squared innovations exceed their expectation by this factor.
 _LOST = 2.0
-#: Candidates are compared on the first seconds of this duration. Candidates that increase the
-#: misfit are dropped after the second, shorter duration.
+#: Candidates are compared on the first seconds, and on these after the filter gets lost.
+#: Candidates that increase the misfit are dropped after the second, shorter duration.
 _SECONDS, _SOONER = 8.0, 2.0
+#: A filter that gets lost after more events than these is compared on the first seconds alone,
+#: and is not lost before the second number of values.
+_MOST_EVENTS, _FEW = 4000, 50
 #: Rotations are estimated on the first seconds; no smaller rotation (rad) causes a lost filter.
 _ROTATION_SECONDS, _SMALLEST_ROTATION = 20.0, 0.2
 #: Two sizes are alike if the logarithm of their ratio is below this.
@@ -39,7 +43,7 @@ def find(case: Examination) -> list[Finding]:
     if not lost(case):
         return []
     begin = case.passage.events[0].time
-    first_span, span = (_Span(case, begin + seconds) for seconds in (_SOONER, _SECONDS))
+    first_span, span = (_Span(case, until) for until in (begin + _SOONER, _onset(case) + _SECONDS))
     ratio = len(case.passage.events) / len(span)
     findings = []
     for finding in _candidates(case):
@@ -52,6 +56,17 @@ def find(case: Examination) -> list[Finding]:
         if gain > CHANCE:
             findings.append(replace(finding, gain=gain, z=gain**0.5))
     return sorted(findings, key=lambda finding: -finding.gain)[:2]
+
+
+def _onset(case: Examination) -> float:
+    """Return the stamp at which the filter gets lost; the first one if that is late.
+
+    A robot at rest follows the model whatever the scale of a rate gyro is.
+    """
+    events, squares = case.passage.events, [e @ e for e in case.passage.whitened[:_MOST_EVENTS]]
+    numbers = np.cumsum([len(e) for e in case.passage.whitened[:_MOST_EVENTS]])
+    beyond = np.flatnonzero(np.cumsum(squares) > _LOST * np.maximum(numbers, _FEW))
+    return events[int(beyond[0]) if len(beyond) else 0].time
 
 
 def beginning(case: Examination) -> Examination:
@@ -99,13 +114,27 @@ def _candidates(case: Examination) -> Iterator[Finding]:
     for name in case.judged:
         space = case.evidence.scenario.sensors[name].sensor.output
         for group in groups(space):
-            sensible = conversions(case, name, group)
-            usual = [factor for factor in _FACTORS if factor < 0.0 or factor in sensible]
+            sensible = conversions(space, group)
+            usual = _usual_factors(sensible)
             for factor in dict.fromkeys((*usual, *_by_size(case, name, group, sensible))):
                 yield scaled(case, name, group, factor, 0.0, 0.0)
         if space.size == 2:
             yield exchanged(case, name, (1, 0), 0.0)
         yield from _rotation_findings(case, name)
+    yield from _input_candidates(case)
+
+
+def _usual_factors(sensible: Container[float]) -> list[float]:
+    return [factor for factor in _FACTORS if factor < 0.0 or factor in sensible]
+
+
+def _input_candidates(case: Examination) -> Iterator[Finding]:
+    """Yield the signs, units and rotations of an instrument behind the input."""
+    space = case.evidence.scenario.model.input
+    for group in groups(space):
+        for factor in _usual_factors(conversions(space, group)):
+            yield input_axes.multiplied(case, group, factor)
+    yield from input_axes.by_passes(case, case.passage.events[0].time + _SOONER)
 
 
 def _by_size(

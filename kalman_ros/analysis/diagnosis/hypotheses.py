@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from kalman_ros.core import Array, Dynamics
+from kalman_ros.core import Array, Dynamics, Space
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.body_roles import body_of
 from kalman_ros.scenario.lever_arm import LeverArm
@@ -145,11 +145,15 @@ def effect(model: Dynamics, X: Array, U: Array, index: int) -> Array:
 def _input_columns(
     evidence: Evidence, passage: Passage, index: int, tones: Array | None
 ) -> tuple[list[tuple[str, ...]], Array]:
-    """Return the columns of an input (E, p): gain, pieces, delays, dead zones and tones."""
+    """Return the columns of an input (E, p): gain, exchange, pieces, delays, dead zones, tones."""
     times = np.array([event.time for event in passage.events])
     u = np.array([event.u[index] for event in passage.events])
     labels: list[tuple[str, ...]] = [('gain',), ('half',)]
     pushes: list[Array] = [u, np.maximum(u, 0.0)]
+    space = evidence.scenario.model.input
+    for other in (i for group in alike(space) if index in group for i in group if i != index):
+        labels.append(('across', space.names[other]))
+        pushes.append(np.array([event.u[other] for event in passage.events]))
     pieces = np.searchsorted(edges(passage), times, 'right') - 1
     for b in range(len(edges(passage)) - 1):
         labels.append(('push', str(b)))
@@ -168,6 +172,14 @@ def _input_columns(
             labels.append(('tone', repr(float(tones[index])), wave.__name__))
             pushes.append(wave(2.0 * np.pi * tones[index] * times))
     return labels, np.stack(pushes, axis=1)
+
+
+def alike(space: Space) -> list[tuple[int, ...]]:
+    """Return the groups of two or more coordinates that have the same unit."""
+    by_unit: dict[str, list[int]] = {}
+    for index, unit in enumerate(space.units):
+        by_unit.setdefault(unit, []).append(index)
+    return [tuple(group) for group in by_unit.values() if len(group) > 1]
 
 
 def held(stamps: Array, values: Array, times: Array) -> Array:

@@ -12,8 +12,9 @@ from kalman_ros.core import Array, Space, rotations
 
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
+from .hypotheses import alike
 from .responses import fitted
-from .units import alike, label_of, mixed, mixing, replaced
+from .units import label_of, mixed, mixing, replaced
 
 #: Smallest rotation that is a finding, and largest difference from a quarter turn, in rad.
 _SMALL, _NEAR = 0.03, 0.1
@@ -84,7 +85,7 @@ def _find_rotation(case: Examination, name: str, group: tuple[int, ...]) -> list
     """Return the best rotation of a group of two or three axes, if it is significant."""
     turn = best_rotation(case, name, group)
     gain = _gain_of(case, name, within(case, name, group, turn))
-    if gain < CHANCE or abs(_rotation_angle(turn)) < _SMALL:
+    if gain < CHANCE or abs(rotation_angle(turn)) < _SMALL:
         return []
     residual = case.passage.misfit - gain
     sentence = f'Misfit {case.passage.misfit:.4g} becomes {residual:.4g}.'
@@ -99,7 +100,7 @@ def turned(
     ``residual`` is a sentence about the remaining misfit.
     """
     angle, M, label = (
-        _rotation_angle(turn),
+        rotation_angle(turn),
         within(case, name, group, turn),
         label_of(case, name, group),
     )
@@ -125,7 +126,7 @@ def turned(
     )
 
 
-def _rotation_angle(M: Array) -> float:
+def rotation_angle(M: Array) -> float:
     """Return the angle of a rotation; in the plane, it has a sign."""
     if len(M) == 2:
         return float(np.arctan2(M[1, 0], M[0, 0]))
@@ -142,9 +143,7 @@ def best_rotation(case: Examination, name: str, group: tuple[int, ...]) -> Array
         return _gain_of(case, name, within(case, name, group, turn))
 
     if len(group) == 2:
-        angles = np.linspace(-np.pi, np.pi, 721)
-        turns = [np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in angles]
-        return max(turns, key=gain)
+        return max(plane_rotations(), key=gain)
     pairs = [(str(i), str(j)) for i in group for j in group]
     columns = [at for pair in pairs for at in case.responses.columns('mix', name, *pair)]
     fit = fitted(
@@ -156,6 +155,12 @@ def best_rotation(case: Examination, name: str, group: tuple[int, ...]) -> Array
 
     best = minimize(lambda turn: -gain(rotations.exp(turn) @ start), np.zeros(3), method='BFGS')
     return np.asarray(rotations.exp(best.x) @ start)
+
+
+def plane_rotations() -> list[Array]:
+    """Return rotations (2, 2) by every half degree."""
+    angles = np.linspace(-np.pi, np.pi, 721)
+    return [np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in angles]
 
 
 def nearest_rotation(M: Array) -> Array:

@@ -17,10 +17,12 @@ from kalman_ros.sensors import options
 from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
+from .hypotheses import alike
 from .responses import Fit, fitted
 
 _LENGTH, _SPEED, _ANGLE, _TURN = ('m',), ('m/s',), ('rad', 'rad/s'), ('rad/s',)
 _DEGREES, _ACCELERATION, _PRESSURE = ('deg', 'deg/s'), ('m/s^2',), ('Pa',)
+_FIELD = ('T',)
 #: Factor from the unit of a reading to the unit of the model, the unit of the reading, and the
 #: units that the model can have (empty for any unit).
 UNITS: Sequence[tuple[float, str, tuple[str, ...]]] = (
@@ -35,6 +37,8 @@ UNITS: Sequence[tuple[float, str, tuple[str, ...]]] = (
     (1e2, 'hPa (millibars)', _PRESSURE),
     (1e5, 'bar', _PRESSURE),
     (6894.757, 'pounds a square inch', _PRESSURE),
+    (1e-4, 'gauss', _FIELD),
+    (1e-6, 'microtesla', _FIELD),
     (0.3048, 'feet', _LENGTH),
     (0.0254, 'inches', _LENGTH),
     (1.0 / 0.0254, 'metres, where inches are expected', ('in',)),
@@ -184,14 +188,6 @@ def groups(space: Space) -> list[tuple[int, ...]]:
     return [*((index,) for index in range(space.size)), *alike(space)]
 
 
-def alike(space: Space) -> list[tuple[int, ...]]:
-    """Return the groups of two or more coordinates that have the same unit."""
-    by_unit: dict[str, list[int]] = {}
-    for index, unit in enumerate(space.units):
-        by_unit.setdefault(unit, []).append(index)
-    return [tuple(group) for group in by_unit.values() if len(group) > 1]
-
-
 def label_of(case: Examination, name: str, group: Sequence[int]) -> str:
     """Return the name of a sensor, with the names of coordinates unless the group has all."""
     names = case.evidence.scenario.sensors[name].sensor.output.names
@@ -221,15 +217,15 @@ def _likeliest_factor(
 
     if abs(factor) < 1e-6:
         factor = 1e-6
-    best = max((-1.0, *conversions(case, name, group)), key=gain)
+    space = case.evidence.scenario.sensors[name].sensor.output
+    best = max((-1.0, *conversions(space, group)), key=gain)
     excess = sum(float(e @ e) - len(e) for e in case.passage.whitened)
     likelier = gain(best) > max(gain(factor), _EXPLAINED * excess)
     return (best, 0.0) if likelier else (factor, std)
 
 
-def conversions(case: Examination, name: str, group: tuple[int, ...]) -> dict[float, str]:
+def conversions(space: Space, group: tuple[int, ...]) -> dict[float, str]:
     """Return the factors of `UNITS` that apply to a group of coordinates, with their units."""
-    space = case.evidence.scenario.sensors[name].sensor.output
     group_units = {space.units[index] for index in group}
     return {
         factor: text for factor, text, units in UNITS if not units or group_units <= {'', *units}
@@ -264,7 +260,7 @@ def scaled(
     evidence = case.evidence
     space, index = evidence.scenario.sensors[name].sensor.output, group[0]
     label = label_of(case, name, group)
-    kind, factor, cause = _classify_factor(factor, std, conversions(case, name, group))
+    kind, factor, cause = _classify_factor(factor, std, conversions(space, group))
     M = scaling(case, name, group, factor)
     exact_gain, dues = replaced(case, name, M)
     record = evidence.sensors[name]
