@@ -173,6 +173,7 @@ def test_a_sensor_of_which_nothing_is_a_number_comes_first(sensor):
     assert (second.kind, second.subject) == ('outliers', other)
 
 
+@pytest.mark.thorough
 def test_what_explains_next_to_nothing_is_not_proven():
     both = Injection({'position': {'outliers': 0.05}}, plant={'position.noise': [0.09]})
     large = Injection(edits={'velocity': values_of(lambda y: 57.0 * y)})

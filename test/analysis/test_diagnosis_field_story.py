@@ -88,6 +88,7 @@ def test_a_wireless_link_that_is_slower_than_the_window():
     assert found[0].change['window'] > 1.5
 
 
+@pytest.mark.thorough
 def test_a_heading_that_is_20_degrees_off():
     """Every leg began with a curve of 20 degrees to one side."""
     wrong = Injection(

@@ -242,7 +242,7 @@ def test_in_discrete_time_an_input_may_be_free():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('dt', mostly_thorough([None, 0.1], None))
+@pytest.mark.parametrize('dt', mostly_thorough([None, 0.1], 0.1))
 def test_a_gain_draws_its_loops(dt, tmp_path):
     two = kr.lqr([[0, 1], [-2, -0.5]], np.eye(2), np.eye(2), np.eye(2), dt=dt)
     two.plot(tmp_path / 'loops.png')

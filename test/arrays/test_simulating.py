@@ -135,6 +135,7 @@ def test_a_model_without_an_input():
         run.plot(what='force')
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_design_prints_and_draws(tmp_path):
     found = kr.design('cart_pole')

@@ -244,6 +244,7 @@ def coverage(runs):
     return hits / count
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_most_intervals_cover_the_truth():
     # of 12 intervals of 95 %, 8 or fewer cover with a probability of 2e-4

@@ -104,6 +104,7 @@ def test_a_function_gives_what_names_give() -> None:
         kr.worst_case(scenario, {'stifness': (0.5, 2.0)}, plant=mass_spring_damper)
 
 
+@pytest.mark.thorough
 def test_an_actuator_that_is_too_strong_is_found_at_the_gain_margin() -> None:
     upper = kr.design('cart_pole').report.regulator.loops[0].estimated.margins.upper_gain.value
     worst = kr.worst_case('cart_pole', {'actuator_gain': (0.95, 1.5 * upper)})
@@ -145,6 +146,7 @@ def test_loop_shaping_is_an_lqg_design_of_its_weights() -> None:
     assert all(len(line) < 80 for line in repr(design).splitlines())
 
 
+@pytest.mark.thorough
 def test_intervals_may_be_those_of_a_fit() -> None:
     run = kr.simulate('mass_spring_damper', seconds=20.0, seed=1)
     times = {name: series.time for name, series in run.readings.items()}
@@ -178,9 +180,9 @@ def test_an_unstable_loop_in_the_box_is_no_stable_box() -> None:
     'intervals',
     [
         thorough({'damping': (0.0, 1e6)}),
-        thorough({'damping': (0.0, 100.0)}),
+        {'damping': (0.0, 100.0)},
         thorough({'mass': (0.01, 100.0)}),
-        {'mass': (1e-9, 1e9)},
+        thorough({'mass': (1e-9, 1e9)}),
     ],
 )
 def test_wide_intervals_have_an_answer(intervals: dict[str, tuple[float, float]]) -> None:

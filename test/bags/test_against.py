@@ -122,6 +122,7 @@ def test_the_program_prints_where_they_part_most_and_why(bag, tmp_path, capsys, 
     assert (tmp_path / 'out' / 'against.png').exists()
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_what_is_not_compared_is_told(bag, tmp_path, capsys):
     with pytest.raises(SystemExit):
@@ -150,6 +151,7 @@ def test_what_is_no_pose_is_refused(bag, topic, why):
         replay(bag, ROBOT, against=topic)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_file_of_theirs_is_compared_with_their_filter(bag, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)

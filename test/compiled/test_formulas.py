@@ -6,6 +6,7 @@ import pickle
 
 import numpy as np
 import pytest
+from thorough import mostly_thorough
 
 from kalman_ros import scenario
 from kalman_ros.core import DiscreteLinearSystem, DiscreteModel, LinearSystem, Model, Sensor, Space
@@ -68,9 +69,12 @@ def exact_jacobian(function, x, h=1e-5):
     )
 
 
-def kinds(names):
+def kinds(names, always=None):
+    """Return names with an arithmetic; compiled by C are ``always`` some, or all."""
+    often = names if always is None else always
+    marks = {name: [C] if name in often else [C, pytest.mark.thorough] for name in names}
     return [
-        *(pytest.param(name, 'C', marks=C, id=f'{name}-C') for name in names),
+        *(pytest.param(name, 'C', marks=marks[name], id=f'{name}-C') for name in names),
         *(pytest.param(name, 'CasADi', id=f'{name}-CasADi') for name in FEW),
     ]
 
@@ -84,7 +88,7 @@ def fast(part, state, arithmetic):
     return interpreted_model(part) if isinstance(part, Model) else interpreted_sensor(part, state)
 
 
-@pytest.mark.parametrize(('name', 'arithmetic'), kinds(NONLINEAR))
+@pytest.mark.parametrize(('name', 'arithmetic'), kinds(NONLINEAR, ('cart_pole', 'robot_3d')))
 def test_every_shipped_model_steps_as_in_numpy(name, arithmetic):
     model = believed(name).model
     if isinstance(model, LinearSystem):
@@ -258,7 +262,7 @@ KINDS = ('CasADi', pytest.param('C', marks=C))
 
 
 @pytest.mark.parametrize('arithmetic', KINDS)
-@pytest.mark.parametrize('kind', [Pendulum, Slow, Turning])
+@pytest.mark.parametrize('kind', mostly_thorough([Pendulum, Slow, Turning], Pendulum, Slow))
 def test_without_a_jacobian_f_is_the_exact_derivative_of_the_step(kind, arithmetic):
     model = kind()
     found = fast(model, None, arithmetic)

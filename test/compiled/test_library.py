@@ -11,6 +11,7 @@ import threading
 from hashlib import sha256
 
 import pytest
+from thorough import mostly_thorough
 
 pytest.importorskip('casadi', reason='the extra kalman_ros[compiled] is not installed')
 from kalman_ros.compiled import library
@@ -122,7 +123,7 @@ def test_a_symbolic_link_is_not_followed(cache, tmp_path):
     assert not path.is_symlink()
 
 
-@pytest.mark.parametrize('mode', [0o777, 0o720, 0o702])
+@pytest.mark.parametrize('mode', mostly_thorough([0o777, 0o720, 0o702], 0o702))
 def test_what_others_could_have_written_is_compiled_again(cache, tmp_path, mode):
     answer(1)
     path = planted(cache)
@@ -133,7 +134,7 @@ def test_what_others_could_have_written_is_compiled_again(cache, tmp_path, mode)
     assert stat.S_IMODE(path.stat().st_mode) == 0o700
 
 
-@pytest.mark.parametrize('mode', [0o777, 0o770, 0o707])
+@pytest.mark.parametrize('mode', mostly_thorough([0o777, 0o770, 0o707], 0o770))
 def test_a_folder_that_others_can_write_to_is_not_used(cache, tmp_path, mode):
     answer(1)
     path = planted(cache)

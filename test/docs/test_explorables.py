@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.linalg import expm, solve_continuous_lyapunov
+from thorough import mostly_thorough
 
 import kalman_ros as kr
 
@@ -336,7 +337,7 @@ def sentence(browser, name):
     )
 
 
-@pytest.mark.parametrize('name', NAMES)
+@pytest.mark.parametrize('name', mostly_thorough(NAMES, 'margins', 'modes', 'update'))
 def test_each_handle_moves_by_mouse_and_by_key(places, name):
     browser = opened(places)
     picture = f'document.querySelector("#explore-{name}")'
@@ -398,6 +399,7 @@ def focus(browser, name, k=0):
     browser.run(f'document.querySelectorAll("#explore-{name} .explorable-handle")[{k}].focus()')
 
 
+@pytest.mark.thorough
 def test_a_belief_stays_one_however_often_it_is_predicted(places):
     browser = opened(places)
     for label, count in (('predict 1 s', 30), ('take a reading like this', 30)):
@@ -422,6 +424,7 @@ def place_of(browser, name, k):
     return left + width / 2, top + height / 2
 
 
+@pytest.mark.thorough
 def test_either_of_two_real_poles_is_dragged_into_a_pair(places):
     for k in (0, 1):
         for way in (-1, 1):

@@ -42,6 +42,7 @@ def test_without_cpp_the_row_is_left_out(tmp_path, monkeypatch):
     assert operations(tmp_path / 'c') is None
 
 
+@pytest.mark.thorough
 def test_a_fixed_gain_takes_fewer(tmp_path):
     fewer = operations(tmp_path / 'fixed', 'steady_state')
     assert fewer < operations(tmp_path / 'kf')

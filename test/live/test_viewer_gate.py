@@ -250,6 +250,7 @@ def test_a_port_in_use_is_named():
             pass
 
 
+@pytest.mark.thorough
 def test_a_viewer_that_reads_nothing_does_not_hold_up_the_end():
     with Gated() as gate:
         viewer = gate.viewer(compression=None, max_queue=1)

@@ -242,7 +242,7 @@ def reset(node):
 
 
 @pytest.mark.parametrize('lockstep', mostly_thorough([False, True], False))
-@pytest.mark.parametrize('name', mostly_thorough(list(NODES), 'estimator', 'controller', 'plant'))
+@pytest.mark.parametrize('name', mostly_thorough(list(NODES), 'estimator', 'controller'))
 def test_any_message_on_any_subscription(name, lockstep, start, said):
     limits = {'input_limit': f'[{LIMIT},{LIMIT}]'} if name == 'controller' else {}
     node = start(name, lockstep=str(lockstep).lower(), **limits)

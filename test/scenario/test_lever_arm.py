@@ -152,6 +152,7 @@ def test_what_cannot_be_is_refused_in_one_line(changes, why):
 _OTHER = ('model_parameters', 'initial_', 'state.', 'imu.')
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_without_the_arm_the_filter_is_wrong_and_with_it_consistent():
     """20 s of an antenna 3 m behind the centre, judged by the NIS of the receiver."""

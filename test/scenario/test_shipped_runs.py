@@ -14,10 +14,10 @@ from thorough import thorough
 @pytest.mark.parametrize(
     ('name', 'seed'),
     [
-        ('bearing_tracker', 11),
+        thorough('bearing_tracker', 11),
         thorough('bearing_tracker', 23),
         thorough('bearing_tracker', 26),
-        ('sound_tracker', 2),
+        thorough('sound_tracker', 2),
         thorough('sound_tracker', 6),
         ('two_bearings', 2),
     ],

@@ -9,6 +9,7 @@ pytest.importorskip('rclpy')
 from kalman_ros.harness import Run
 
 
+@pytest.mark.thorough
 def test_gain_and_delay_change_what_the_plant_does_with_the_same_force():
     with Run(overrides={'model_parameters.force_noise': 1e-16}) as run:
         run.advance(1.0)

@@ -323,6 +323,7 @@ def test_no_force_is_ever_not_finite(largest):
         assert forces[0] < -0.5
 
 
+@pytest.mark.thorough
 def test_after_a_fault_it_goes_on_from_where_the_force_is():
     with alone(transition_time=2.0) as run:
         feed = Feed(run)

@@ -81,6 +81,7 @@ def test_what_has_no_whole_loop_has_a_part_of_the_report(run, name, tmp_path):
     assert (tmp_path / 'out' / name / 'design' / 'uncertainty.png').stat().st_size > 10_000
 
 
+@pytest.mark.thorough
 def test_a_model_of_ones_own_by_its_parameter_file(run, tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(ROBOT)
     code, out, err = run('--params-file', ROBOT / 'pendulum.yaml')

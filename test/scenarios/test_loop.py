@@ -324,12 +324,14 @@ def test_the_controller_may_use_the_truth_by_a_remap(default_run):
     assert np.abs(lqg.input + lqg.truth @ gain.T).max() > 0.01
 
 
+@pytest.mark.thorough
 def test_the_ring_of_bare_nodes_goes_round():
     """What `bench` measures the loop against."""
     with Ring() as ring:
         assert 0.0 < ring.rounds(50) < 1.0
 
 
+@pytest.mark.thorough
 def test_an_input_off_the_centre_moves_the_body_as_one_at_it():
     """The controller writes it at the place, and plant, estimator and recorder read it back."""
     driven = []

@@ -102,6 +102,7 @@ def test_what_is_no_motion_is_refused_in_one_line_and_the_loop_goes_on():
         assert 'Traceback' not in log()
 
 
+@pytest.mark.thorough
 def test_a_cart_follows_a_trajectory_from_what_is_held():
     with Run('cart_pole', {'initial_state': [0.0] * 4}) as run:
         trajectories = publisher_of(run, JointTrajectory, 'reference/trajectory')

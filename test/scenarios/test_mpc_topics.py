@@ -30,6 +30,7 @@ def test_the_example_of_the_page_stays_on_its_track_as_in_the_simulation():
     np.testing.assert_allclose(followed.truth, simulated.truth, atol=1e-6)
 
 
+@pytest.mark.thorough
 def test_limits_are_changed_while_it_runs():
     begun = {'initial_state': [2.0, 0.0], 'initial_estimate': [2.0, 0.0]}
     controls = {'law': 'mpc', 'input_limit': [4.0]}
