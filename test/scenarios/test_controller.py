@@ -262,8 +262,9 @@ def test_estimates_that_are_older_than_the_last_are_ignored():
             assert feed.answer(1.0) < -1.0
             feed.send(-1.0, age=0.1)
         assert feed.answer(1.0) < -1.0
-        assert all(force.wrench.force.x < -1.0 for force in feed.forces)
-        assert len(feed.forces) == 6
+        # an idle input is of a pause of this machine, and no answer
+        forces = [force.wrench.force.x for force in feed.forces if force.wrench.force.x]
+        assert len(forces) == 6 and max(forces) < -1.0
         # where the next one had come, too, it was not even looked at
         keys = ('estimates ignored: older than the last', 'estimates skipped for newer ones')
         ignored = lambda: sum(int(run.reported('controller', key) or 0) for key in keys)  # noqa: E731

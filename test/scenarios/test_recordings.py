@@ -88,8 +88,10 @@ def test_the_time_of_a_recording_of_lockstep_is_simulated(tmp_path):
     assert part.beliefs.time[[0, -1]] == pytest.approx([1.0, 3.0])
     evidence = load(tmp_path / 'live', 'diff_drive')
     assert evidence.duration == pytest.approx(4.0)
-    (found,) = diagnose(evidence).findings
-    assert (found.kind, found.subject) == ('delay', 'imu')
+    diagnosis = diagnose(evidence)
+    # a delay by which no reading is lost
+    assert not diagnosis.findings
+    assert ('delay', 'imu') in [(note.kind, note.subject) for note in diagnosis.notes]
 
 
 @pytest.mark.parametrize('filter', mostly_thorough(FILTERS, 'ukf'))

@@ -230,7 +230,7 @@ class NamedParameters:
         about, value = option.about, option.check(self._current[name])
         deviation = name == 'initial_std' or name.endswith('.noise')
         low = max(about.minimum, 0.0) if deviation else about.minimum
-        if isinstance(value, float):
+        if isinstance(value, float) and not isinf(value):
             yield _Place(name, None, _free(name, value, low, about.maximum, about.unit))
         elif isinstance(value, list) and value and all(isinstance(v, float) for v in value):
             labels, units = self._coordinates(name, len(value))
@@ -238,6 +238,8 @@ class NamedParameters:
             for index, (label, unit) in enumerate(zip(labels, units)):
                 full = name if len(value) == 1 else f'{name}.{label}'
                 number = float(value[index])
+                if isinf(number):  # of a limit, none
+                    continue
                 scale = None if scales is None or isinf(scales[index]) else scales[index]
                 yield _Place(name, index, _free(full, number, low, about.maximum, unit, scale))
 

@@ -50,8 +50,9 @@ class PlantNode(runtime.ScenarioNode):
         self._input = PlantInput(self.scenario.input, idle, lambda: self.steady.now().nanoseconds)
         self._may_rest = options.rest_until_input and not options.lockstep
         self._restart()
+        # of a sensor that is not enabled, another node may publish the readings
         self._sensors = {
-            name: self._publisher(source.signal) for name, source in self.scenario.sensors.items()
+            name: self._publisher(source.signal) for name, source in self.scenario.enabled.items()
         }
         self._truth = self._publisher(on_topic(self.scenario.state, 'ground_truth'))
         self._clock_message = Clock()
@@ -183,8 +184,10 @@ class PlantNode(runtime.ScenarioNode):
         sources = self.scenario.sensors
         arrivals = self._links(self._plant.time, time, self._plant.readings())
         for name, taken, y in arrivals:
-            write, publisher = self._sensors[name]
             source = sources[name]
+            if name not in self._sensors:  # enabled since
+                self._sensors[name] = self._publisher(source.signal)
+            write, publisher = self._sensors[name]
             stamp = taken - source.signal.stamp_offset
             publisher.publish(write(stamp, y, source.sensor.covariance))
         if self.options.lockstep:
