@@ -170,7 +170,7 @@ def feedback_loops(
     path
         Where to save the picture; None to show it.
     label
-        Of the curves.
+        Name of the curves in the legend.
     """
     with canvas(path, (9.5, 4.0 * len(channels) + 0.3), _LOOPS) as figure:
         parts = figure.subfigures(len(channels), 1, squeeze=False)[:, 0]

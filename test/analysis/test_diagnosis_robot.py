@@ -82,7 +82,8 @@ def test_the_pass_begins_with_the_heading_that_the_readings_tell(seed):
 @pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    'seed', [pytest.param(4, marks=pytest.mark.xfail(reason='3 s of wheels, 12 % sure')), 5]
+    'seed',
+    [pytest.param(4, marks=pytest.mark.xfail(strict=True, reason='3 s of wheels, 12 % sure')), 5],
 )
 def test_nothing_is_blamed_for_it(seed):
     causes = diagnose(evidence(drive(seed)[1])).findings

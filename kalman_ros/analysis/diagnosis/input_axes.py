@@ -19,7 +19,7 @@ from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Finding
 from .hypotheses import alike
-from .mounting import nearest_rotation, plane_rotations, rotation_angle
+from .mounting import best_near, nearest_rotation, plane_rotations, rotation_angle
 from .passage import passage
 from .units import conversions
 
@@ -121,12 +121,7 @@ def _likeliest_rotation(case: Examination, vectors: Vectors) -> Array:
 
     if len(vectors[0]) == 2:
         return max(plane_rotations(), key=gain)
-    start = nearest_rotation(np.eye(3) + _fitted_change(case, vectors))
-
-    from scipy.optimize import minimize  # slow import
-
-    best = minimize(lambda turn: -gain(rotations.exp(turn) @ start), np.zeros(3), method='BFGS')
-    return np.asarray(rotations.exp(best.x) @ start)
+    return best_near(nearest_rotation(np.eye(3) + _fitted_change(case, vectors)), gain)
 
 
 def _fitted_change(case: Examination, vectors: Vectors) -> Array:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import permutations
 from math import degrees
 
@@ -149,8 +150,11 @@ def best_rotation(case: Examination, name: str, group: tuple[int, ...]) -> Array
     fit = fitted(
         case.responses.gradient[columns], case.responses.information[np.ix_(columns, columns)]
     )
-    start = nearest_rotation(np.eye(3) - fit.size.reshape(3, 3))
+    return best_near(nearest_rotation(np.eye(3) - fit.size.reshape(3, 3)), gain)
 
+
+def best_near(start: Array, gain: Callable[[Array], float]) -> Array:
+    """Return the rotation in space with the largest gain, by a search from ``start``."""
     from scipy.optimize import minimize  # slow import
 
     best = minimize(lambda turn: -gain(rotations.exp(turn) @ start), np.zeros(3), method='BFGS')
