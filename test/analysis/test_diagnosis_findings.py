@@ -10,7 +10,9 @@ from tools.doctor_score.recordings import recorded
 
 from kalman_ros.analysis.diagnosis import inputs, noise_levels, rate
 from kalman_ros.analysis.diagnosis.belief_walk import Walk
+from kalman_ros.analysis.diagnosis.diagnose import divided
 from kalman_ros.analysis.diagnosis.examination import Examination
+from kalman_ros.analysis.diagnosis.finding import Finding
 from kalman_ros.analysis.records import InputRecord
 from kalman_ros.estimators.filters.ekf import ExtendedKalmanFilter
 
@@ -124,3 +126,11 @@ def test_a_recording_of_one_reading_has_the_densities_of_any(evidence, count):
     found, expected = Examination(few), Examination(evidence)
     assert len(found.passage.events) == count
     np.testing.assert_allclose(found.densities['force_noise'], expected.densities['force_noise'])
+
+
+@pytest.mark.parametrize(('certainty', 'noted'), [(0.0099, True), (0.01, False)])
+def test_a_cause_of_next_to_no_certainty_is_a_note(certainty, noted):
+    cause = Finding('bias', 'gyro', 'the gyro is off', 5.0, certainty=certainty)
+    sure, notes = divided([cause])
+    assert len(notes) == noted and len(sure) != noted
+    assert not noted or (notes[0].note and 'less than 1 % sure' in notes[0].sentence)

@@ -136,10 +136,14 @@ def diagnose(evidence: Evidence, progress: Callable[[str], None] = lambda text: 
     findings += common_noise.find(case)
     notes += leftover.find(case)
     progress('proofs')
-    proven = [_prove(evidence, finding) for finding in _rank(findings)]
-    notes += [_as_note(finding) for finding in proven if finding.certainty < _DOUBTFUL]
-    sure = tuple(finding for finding in proven if finding.certainty >= _DOUBTFUL)
-    return Diagnosis(sure, tuple(notes), before, case.passage.misfit)
+    sure, doubtful = divided([_prove(evidence, finding) for finding in _rank(findings)])
+    return Diagnosis(tuple(sure), (*notes, *doubtful), before, case.passage.misfit)
+
+
+def divided(findings: Sequence[Finding]) -> tuple[list[Finding], list[Finding]]:
+    """Return the findings, and as notes those of next to no certainty."""
+    sure = [finding for finding in findings if finding.certainty >= _DOUBTFUL]
+    return sure, [_as_note(finding) for finding in findings if finding.certainty < _DOUBTFUL]
 
 
 def _as_note(finding: Finding) -> Finding:
