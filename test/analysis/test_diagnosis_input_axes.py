@@ -10,6 +10,7 @@ from tools.doctor_score.recordings import recorded
 from kalman_ros.analysis.diagnosis import gross, input_axes
 from kalman_ros.analysis.diagnosis.diagnose import diagnose
 from kalman_ros.analysis.diagnosis.examination import Examination
+from kalman_ros.analysis.diagnosis.responses import Responses
 from kalman_ros.core import rotations
 
 
@@ -58,6 +59,23 @@ def test_an_instrument_is_turned_with_all_its_vectors(space):
     askew = Examination(input_axes.mixed(space, np.kron(np.eye(2), rotations.exp(turn).T)))
     found = [f for f in input_axes.find(askew) if 'the input acts' in f.sentence]
     assert len(found) <= 1  # the rotation of both vectors, and not of one alone
+
+
+@pytest.mark.parametrize('angle', [0.031, 1.0, np.pi])
+def test_the_rotation_of_an_instrument_is_the_likeliest_one(space, angle):
+    axis = np.array([2.0, -1.0, 2.0]) / 3.0
+    M = np.kron(np.eye(2), rotations.exp(angle * axis))
+    names, labels, change = space.scenario.model.input.names, [], []
+    for i, j in np.ndindex(6, 6):
+        across = ('across', names[i], names[j])
+        labels.append(('gain', names[i]) if i == j else across)
+        change.append(M[i, j] - (i == j))
+    information = np.kron(np.diag([3.0, 2.0, 1.0, 2.0, 1.0, 3.0]) * 1e6, np.eye(6))
+    case = Examination(space)
+    case.__dict__['responses'] = Responses(labels, information @ change, information)
+    vectors = input_axes._instruments(space.scenario.model.input)[-1]
+    found = input_axes._likeliest_rotation(case, vectors)
+    np.testing.assert_allclose(found, M[:3, :3], atol=1e-5)
 
 
 @pytest.mark.slow

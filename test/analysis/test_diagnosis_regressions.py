@@ -512,6 +512,20 @@ def test_an_offset_explains_ten_more_than_chance(gain, found):
     assert bool(bias.courses_of(responses, {0: range(4), 1: []})) is found
 
 
+@pytest.mark.parametrize('is_walk', [True, False])
+def test_only_an_offset_that_wanders_has_the_likelihood_of_a_walk(monkeypatch, is_walk):
+    given = case(record(0.1 * np.arange(9)), np.zeros(9))
+    drawn = np.linspace(0.0, 0.4, 9)[:, None]
+    monkeypatch.setattr(bias.wandering, 'likeliest', lambda *_: (123.0, drawn))
+    monkeypatch.setattr(bias.wandering, 'is_walk', lambda *_: is_walk)
+    course = bias.Course('walk', np.linspace(0.0, 0.4, 4), 50.0, density=1.0)
+    finding = bias._finding(given, 'position', {0: course}, np.linspace(0.0, 0.8, 5))
+    exact = finding.exact()
+    assert (exact.is_exact, exact.gain) == ((True, 123.0) if is_walk else (False, 50.0))
+    off = given.evidence.sensors['position'].value - exact.mended().sensors['position'].value
+    assert np.allclose(off, drawn) is is_walk  # otherwise, the course by pieces
+
+
 def test_an_offset_is_described_by_its_size_its_rate_or_its_range():
     limits = np.array([2.0, 4.0, 6.0, 8.0, 10.0])
     fit = SimpleNamespace(std=np.array([0.25]))
