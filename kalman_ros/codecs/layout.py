@@ -80,6 +80,12 @@ def learn(codec: SignalCodec, message: Any, data: bytes) -> Layout | None:
     marked = bytes(serialize_message(message))[: len(data)]
     if len(marked) < len(data) or marked[:BASE] != data[:BASE]:  # e.g. another byte order
         return None
+    try:
+        # padding has what was in memory, also half of an earlier mark
+        marked = without_padding(marked, message)
+        used = without_padding(b'\xff' * len(data), message)
+    except NotImplementedError:
+        return None
     positions = _marks_in(marked, count)
     if positions is None:
         return None
@@ -95,10 +101,6 @@ def learn(codec: SignalCodec, message: Any, data: bytes) -> Layout | None:
         return None
     places = None if covariance is None else (elements, positions[_numbers_of(covariance)])
     declared = positions[_numbers_of(np.array(codec.declarations(message)))]
-    try:
-        used = without_padding(b'\xff' * len(data), message)
-    except NotImplementedError:
-        return None
     fixed = _fixed_runs(data, marked, used, positions, stamped)
     where = positions[_numbers_of(values)]
     return Layout(data, fixed, where, places, stamped, codec.declaring, declared)

@@ -20,7 +20,7 @@ from rosidl_generator_py.import_type_support_impl import UnsupportedTypeSupport
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 
-from kalman_ros.codecs import wire
+from kalman_ros.codecs import layout, wire
 from kalman_ros.codecs.messages import (
     UndecodableError,
     frame_and_end,
@@ -386,6 +386,23 @@ def test_another_stamp_and_other_numbers_are_read_without_objects(name, monkeypa
     sample = reader(later)
     np.testing.assert_array_equal(sample.values, np.arange(1.0, codec.size + 1.0))
     assert sample.time in (2_000_000_003, None)
+
+
+def test_a_layout_is_learnt_whatever_is_in_the_padding(monkeypatch):
+    """Half a mark of an earlier message beside a number that is equal to the other half."""
+    codec = SignalCodec(PLAIN['joints'], 'map', 'base_link')
+
+    def padded(message):
+        data = bytes(serialize_message(message))
+        used = without_padding(b'\xff' * len(data), message)
+        upper = struct.pack('<I', layout._FIRST_MARK >> 32)
+        return bytes(b if used[i] else upper[i % 4] for i, b in enumerate(data))
+
+    monkeypatch.setattr(layout, 'serialize_message', padded)
+    for stamp in range(3):
+        data = over_the_wire(codec, stamp, np.zeros(2))
+        message = deserialize_message(data, codec.message_type)
+        assert layout.learn(codec, message, padded(message)) is not None
 
 
 def test_a_single_variance_is_written_for_its_own_field():
