@@ -54,6 +54,6 @@ setup(
     description='State estimation and optimal control for ROS 2: any model, any topic.',
     license='Apache-2.0',
     entry_points={
-        'console_scripts': EXECUTABLES if BY_COLCON else [f'{PACKAGE} = {PACKAGE}.entry:main'],
+        'console_scripts': EXECUTABLES if BY_COLCON else [f'{PACKAGE} = {PACKAGE}.entry:main']
     },
 )

@@ -88,11 +88,7 @@ class DirectionFinder:
     """
 
     def __init__(
-        self,
-        array: MicrophoneArray,
-        sample_rate: float,
-        samples: int,
-        band: tuple[float, float],
+        self, array: MicrophoneArray, sample_rate: float, samples: int, band: tuple[float, float]
     ) -> None:
         frequencies = np.fft.rfftfreq(samples, 1.0 / sample_rate)
         low, high = band

@@ -114,13 +114,7 @@ class Tuning(KnownNames):
 
 
 @knows_arguments(
-    parameters='fit',
-    params='fit',
-    p0='fit',
-    x0='initial',
-    t='times',
-    y='readings',
-    u='inputs',
+    parameters='fit', params='fit', p0='fit', x0='initial', t='times', y='readings', u='inputs'
 )
 def tune(
     problem: Problem,

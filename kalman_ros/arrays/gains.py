@@ -18,13 +18,7 @@ import numpy as np
 
 from kalman_ros.control import lqr as regulation
 from kalman_ros.control.state_space import state_space
-from kalman_ros.core import (
-    ArrayLike,
-    DesignError,
-    Discretization,
-    Dynamics,
-    linearize,
-)
+from kalman_ros.core import ArrayLike, DesignError, Discretization, Dynamics, linearize
 from kalman_ros.core.known_arguments import knows_arguments
 from kalman_ros.linear import placement
 

@@ -104,11 +104,7 @@ class RecordingWriter:
         return sum(self._file.counts) + len(self._waiting)
 
     def add(
-        self,
-        topic: str,
-        kind: str,
-        qualities: Sequence[Mapping[str, Any]] = (),
-        digest: str = '',
+        self, topic: str, kind: str, qualities: Sequence[Mapping[str, Any]] = (), digest: str = ''
     ) -> None:
         """Add a topic, whose messages can then be written; `flush` puts it on record.
 

@@ -122,11 +122,7 @@ def static(D: Array, dt: float | None = None) -> StateSpace:
 
 
 def state_space(
-    A: ArrayLike,
-    B: ArrayLike,
-    C: ArrayLike,
-    D: ArrayLike | None = None,
-    dt: float | None = None,
+    A: ArrayLike, B: ArrayLike, C: ArrayLike, D: ArrayLike | None = None, dt: float | None = None
 ) -> StateSpace:
     """Return a checked system; without ``D`` there is no direct path.
 

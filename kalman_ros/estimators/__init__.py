@@ -72,10 +72,7 @@ def filter_options(name: str, implementation: str = NATIVE) -> tuple[Option, ...
 
 
 def build_filter(
-    name: str,
-    plan: Plan,
-    options: Mapping[str, Value] | None = None,
-    implementation: str = NATIVE,
+    name: str, plan: Plan, options: Mapping[str, Value] | None = None, implementation: str = NATIVE
 ) -> Filter:
     """Return the filter ``name`` for a plan.
 

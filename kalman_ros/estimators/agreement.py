@@ -130,11 +130,7 @@ class Finding(NamedTuple):
 
 
 def judge(
-    records: Sequence[Record],
-    seen: Mask,
-    index: int,
-    recover_after: int,
-    longest: float = inf,
+    records: Sequence[Record], seen: Mask, index: int, recover_after: int, longest: float = inf
 ) -> Finding:
     """Judge the last reading of the sensor at ``index``, which its gate rejected.
 

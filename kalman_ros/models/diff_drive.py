@@ -57,8 +57,7 @@ def diff_drive(
         float, About('spectral density of the change of yaw rate', 'rad^2/s^3', minimum=0.0)
     ] = 0.02,
     command_time: Annotated[
-        float,
-        About('lag behind commands, the input cmd_vel; 0: no input', 's', minimum=0.0),
+        float, About('lag behind commands, the input cmd_vel; 0: no input', 's', minimum=0.0)
     ] = 0.0,
 ) -> TurnRate:
     """Return a unicycle with random changes of speed and yaw rate, a `TurnRate`.

@@ -52,8 +52,7 @@ class Inertial(Model):
             float, About('acceleration of gravity', 'm/s^2', minimum=0.0)
         ] = 9.80665,
         gyro_scale: Annotated[
-            float,
-            About('true rates by those of the readings', minimum=0.1, maximum=10.0),
+            float, About('true rates by those of the readings', minimum=0.1, maximum=10.0)
         ] = 1.0,
         accelerometer_scale: Annotated[
             float, About('the same of the specific forces', minimum=0.1, maximum=10.0)

@@ -61,8 +61,7 @@ class Robot2D(Model):
             Sequence[float], About('spectral densities of the jerk', 'm^2/s^5', minimum=0.0)
         ] = (0.05, 0.05),
         command_time: Annotated[
-            float,
-            About('lag behind commands, the input cmd_vel; 0: no input', 's', minimum=0.0),
+            float, About('lag behind commands, the input cmd_vel; 0: no input', 's', minimum=0.0)
         ] = 0.0,
         acceleration_limits: Annotated[
             Sequence[float],

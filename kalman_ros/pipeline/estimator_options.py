@@ -13,17 +13,9 @@ from .intake import LONGEST
 
 Lockstep = Annotated[bool, About('step in turns with the other nodes, not in real time')]
 Priority = Annotated[
-    int,
-    About(
-        'real time: SCHED_FIFO priority to ask for; 0: none',
-        minimum=0,
-        maximum=99,
-    ),
+    int, About('real time: SCHED_FIFO priority to ask for; 0: none', minimum=0, maximum=99)
 ]
-Rest = Annotated[
-    bool,
-    About('real time: rest until the first input'),
-]
+Rest = Annotated[bool, About('real time: rest until the first input')]
 Frame = Annotated[str, About('frame in which positions are given')]
 #: Shared by all nodes: the plant, the estimator and the controller must agree.
 IdleInput = Annotated[str, About("while no controller acts: 'zero' or 'equilibrium'")]
@@ -56,12 +48,7 @@ class EstimatorOptions(NodeOptions):
     lockstep: Lockstep = False
     publish_rate: Annotated[
         float,
-        About(
-            'predicted estimates a second; 0: one per reading',
-            'Hz',
-            minimum=0.0,
-            maximum=1e4,
-        ),
+        About('predicted estimates a second; 0: one per reading', 'Hz', minimum=0.0, maximum=1e4),
     ] = 0.0
     initialize: Annotated[str, About("start from the initial 'belief' or first 'reading'")] = (
         'belief'
@@ -72,29 +59,15 @@ class EstimatorOptions(NodeOptions):
         About('late readings are still fused if no older than this', 's', 0.0, 3600.0, live=True),
     ] = 1.0
     gate_recover_after: Annotated[
-        int,
-        About(
-            'outside gates in a row: belief is widened; 0: never',
-            minimum=0,
-            live=True,
-        ),
+        int, About('outside gates in a row: belief is widened; 0: never', minimum=0, live=True)
     ] = 20
     restart_after: Annotated[
         int,
-        About(
-            'readings in a row too old: the clock went back; 0: never',
-            minimum=0,
-            live=True,
-        ),
+        About('readings in a row too old: the clock went back; 0: never', minimum=0, live=True),
     ] = 10
     max_gap: Annotated[
         float,
-        About(
-            'silence after which the estimator restarts; 0 for never',
-            's',
-            0.0,
-            live=True,
-        ),
+        About('silence after which the estimator restarts; 0 for never', 's', 0.0, live=True),
     ] = 60.0
     future_tolerance: FutureTolerance = 1.0
     idle_input: IdleInput = 'zero'
@@ -138,6 +111,5 @@ class EstimatorOptions(NodeOptions):
         bool, About('the position as NavSatFix on estimate/fix, too', feature='fixes')
     ] = False
     datum_file: Annotated[
-        str,
-        About("keeps the datum of the first fix over restarts; '': none", feature='fixes'),
+        str, About("keeps the datum of the first fix over restarts; '': none", feature='fixes')
     ] = ''

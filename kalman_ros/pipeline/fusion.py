@@ -21,11 +21,7 @@ from .estimator_options import EstimatorOptions
 
 
 def fusion(
-    scenario: Scenario,
-    options: EstimatorOptions,
-    extra: Mapping[str, Value],
-    *,
-    wait: bool = True,
+    scenario: Scenario, options: EstimatorOptions, extra: Mapping[str, Value], *, wait: bool = True
 ) -> Estimation:
     """Return the estimation by the ``options``, and by the ``extra`` options of a filter.
 

@@ -57,11 +57,7 @@ class StepAssembler:
     """
 
     def __init__(
-        self,
-        names: dict[str, str],
-        *,
-        answered: bool = True,
-        resolve: Callable[[str], str] = str,
+        self, names: dict[str, str], *, answered: bool = True, resolve: Callable[[str], str] = str
     ) -> None:
         self._names = {**{resolve(topic): name for topic, name in names.items()}, **names}
         self._resolve = lru_cache(maxsize=256)(resolve)

@@ -225,8 +225,7 @@ def _unlimited_sheet(report: DesignReport) -> Sheet:
         return Sheet(names, [('±', [f'{value:.4g}' for value in above.tolist()])])
     ends = [('from', rest - below), ('to', rest + above)]
     return Sheet(
-        names,
-        [(title, [f'{value:.4g}' for value in values.tolist()]) for title, values in ends],
+        names, [(title, [f'{value:.4g}' for value in values.tolist()]) for title, values in ends]
     )
 
 

@@ -98,10 +98,7 @@ class Believed:
 
 
 def believed(
-    model: Dynamics,
-    sensors: Mapping[str, Sensor],
-    initial: Gaussian,
-    biases: Mapping[str, Bias],
+    model: Dynamics, sensors: Mapping[str, Sensor], initial: Gaussian, biases: Mapping[str, Bias]
 ) -> Believed:
     """Return what an estimator computes with.
 

@@ -231,12 +231,7 @@ def _is_turn(field: str) -> bool:
 
 
 def placed(
-    name: str,
-    source: SensorSource,
-    state: Signal,
-    frame: str,
-    translation: Array,
-    rotation: Array,
+    name: str, source: SensorSource, state: Signal, frame: str, translation: Array, rotation: Array
 ) -> SensorSource:
     """Return a sensor of ``mount.tf`` at its place, once that is known.
 

@@ -74,10 +74,7 @@ def options(values: Mapping[str, Any], *, with_law: bool = True) -> dict[str, Op
 
             found.update(law.options(system, built.state, values))
     vectors = {
-        'initial_state': (
-            system.initial_state,
-            'initial state of the simulated plant',
-        ),
+        'initial_state': (system.initial_state, 'initial state of the simulated plant'),
         'initial_estimate': (
             system.initial_estimate or built.equilibrium.state.tolist(),
             'mean at a start or reset',

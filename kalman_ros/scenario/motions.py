@@ -123,11 +123,7 @@ def with_law(scenario: Scenario, motion: Motion) -> Motion:
 
 
 def moving_point(
-    scenario: Scenario,
-    state: Array,
-    rate: Array | None,
-    seconds: float,
-    rate_seconds: float = 0.0,
+    scenario: Scenario, state: Array, rate: Array | None, seconds: float, rate_seconds: float = 0.0
 ) -> Motion:
     """Return how a state moves on: the motion of a set point that is no equilibrium.
 

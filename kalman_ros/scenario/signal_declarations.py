@@ -57,10 +57,7 @@ def sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
     signal = setup.signal
     own: dict[str, tuple[Value, About]] = {
         'kind': (setup.kind, About('kind of sensor, or package.module:Class of your own')),
-        'noise': (
-            list(setup.noise),
-            About('standard deviation of each coordinate', live=True),
-        ),
+        'noise': (list(setup.noise), About('standard deviation of each coordinate', live=True)),
         'rate': (setup.rate, About('readings a second', 'Hz', minimum=1e-6, live=True)),
         'enabled': (setup.enabled, About('whether the sensor is used', live=True)),
         'topic': (signal.topic, About('topic of readings')),
@@ -173,10 +170,7 @@ def sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
                 feature=_DOUBTED,
             ),
         ),
-        'reliable': (
-            False,
-            About('subscribe reliably, not best effort'),
-        ),
+        'reliable': (False, About('subscribe reliably, not best effort')),
     }
     found = {key: Option(f'{name}.{key}', default, about) for key, (default, about) in own.items()}
     try:

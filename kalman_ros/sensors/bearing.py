@@ -62,10 +62,7 @@ class Bearing(Sensor):
             'x',
             'y',
         ),
-        position: Annotated[Sequence[float], About('x and y of the sensor', 'm')] = (
-            0.0,
-            0.0,
-        ),
+        position: Annotated[Sequence[float], About('x and y of the sensor', 'm')] = (0.0, 0.0),
     ) -> None:
         self._indices = state.indices(measures, 'measures')
         if len(self._indices) != 2:

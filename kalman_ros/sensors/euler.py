@@ -62,11 +62,7 @@ class Euler(Sensor):
         c, s, o = np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)
         cosine, t = np.maximum(np.cos(pitch), _NEAREST), np.sin(pitch)
         E = np.array(
-            [
-                [c / cosine, s / cosine, o],
-                [-s, c, o],
-                [c * t / cosine, s * t / cosine, o + 1.0],
-            ]
+            [[c / cosine, s / cosine, o], [-s, c, o], [c * t / cosine, s * t / cosine, o + 1.0]]
         )
         H = np.zeros((*x.shape[:-1], len(self._which), x.shape[-1]))
         H[..., self._turn] = np.moveaxis(E[self._which], (0, 1), (-2, -1))

@@ -40,12 +40,7 @@ class BatchNoise:
     """
 
     def __init__(
-        self,
-        seeds: Sequence[int],
-        name: str,
-        size: int,
-        steps: int,
-        factor: Array | None = None,
+        self, seeds: Sequence[int], name: str, size: int, steps: int, factor: Array | None = None
     ) -> None:
         #: Size of one draw.
         self.size = size

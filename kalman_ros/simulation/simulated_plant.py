@@ -7,14 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from kalman_ros.core import (
-    Array,
-    Dynamics,
-    TimedSensor,
-    is_due,
-    is_finite,
-    ratio,
-)
+from kalman_ros.core import Array, Dynamics, TimedSensor, is_due, is_finite, ratio
 
 from .actuator import Actuator
 from .faults.body import BodyFaults, BodyOptions

@@ -412,10 +412,7 @@ def test_integral_action_is_reported_as_what_it_is():
     def loop(factor):
         g = np.diag([factor, 1.0])  # at the first input alone
         return np.block(
-            [
-                [F - G @ g @ law.gain, -G @ g @ law.integral_gain],
-                [dt * POSITION, np.eye(2)],
-            ]
+            [[F - G @ g @ law.gain, -G @ g @ law.integral_gain], [dt * POSITION, np.eye(2)]]
         )
 
     expected = np.sort_complex(np.log(np.linalg.eigvals(loop(1.0)).astype(complex)) / dt)

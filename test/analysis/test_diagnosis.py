@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 from thorough import mostly_thorough
 from tools.doctor_score.cases import cases
-from tools.doctor_score.recordings import (
-    Injection,
-    recorded,
-    stamps_of,
-    values_of,
-)
+from tools.doctor_score.recordings import Injection, recorded, stamps_of, values_of
 
 from kalman_ros.analysis.diagnosis import gross, stamps
 from kalman_ros.analysis.diagnosis.diagnose import diagnose

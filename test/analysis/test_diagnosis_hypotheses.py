@@ -61,24 +61,14 @@ def clipped(t, y):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ('name', 'change', 'kind'),
-    [
-        ('position', shifted, 'disturbed'),
-    ],
-)
+@pytest.mark.parametrize(('name', 'change', 'kind'), [('position', shifted, 'disturbed')])
 def test_it_is_found_on_a_spring(spring, name, change, kind):
     assert first(edited(spring, name, change)) == (kind, name)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ('change', 'kind'),
-    [
-        (uneven, 'asymmetric scale'),
-        (clipped, 'saturated'),
-        (dead, 'dead zone'),
-    ],
+    ('change', 'kind'), [(uneven, 'asymmetric scale'), (clipped, 'saturated'), (dead, 'dead zone')]
 )
 def test_it_is_found_on_a_cart(cart, change, kind):
     assert first(edited(cart, 'joint_states', change)) == (kind, 'joint_states.x')

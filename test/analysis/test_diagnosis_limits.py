@@ -175,12 +175,7 @@ def test_delays_are_found_from_three_readings_on(count):
 
 @pytest.mark.parametrize(
     ('delay', 'window', 'change'),
-    [
-        (0.79, 1.0, {}),
-        (0.8, 1.0, {'window': 1.01}),
-        (0.8, 1.01, {}),
-        (2.0, 1.0, {'window': 2.45}),
-    ],
+    [(0.79, 1.0, {}), (0.8, 1.0, {'window': 1.01}), (0.8, 1.01, {}), (2.0, 1.0, {'window': 2.45})],
 )
 def test_a_window_is_longer_than_the_longest_delay(delay, window, change):
     stamp = np.arange(10.0)

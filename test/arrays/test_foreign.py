@@ -224,10 +224,7 @@ def test_a_design_of_a_system_alone():
         kr.design(signal.dlti(A, B, C, D, dt=0.1))
 
 
-@pytest.mark.parametrize(
-    'wrong',
-    [kr.Model, kr.continuous_model(0, W=1)],
-)
+@pytest.mark.parametrize('wrong', [kr.Model, kr.continuous_model(0, W=1)])
 def test_what_is_no_function_of_the_state_is_refused(wrong):
     with pytest.raises(ValueError, match='^A: expected a'):
         kr.continuous_model(wrong, 1.0)

@@ -176,10 +176,7 @@ def test_place():
         (lambda: kr.lqr(A), 'B: expected numbers, got nothing'),
         (lambda: kr.lqr([[0, 1]], B, 1, 1), r'A: expected a square matrix, got shape \(1, 2\)'),
         (lambda: kr.lqr(A, [1, 2, 3], 1, 1), r'B: expected 2 rows, one a state, got shape \(3, 1'),
-        (
-            lambda: kr.lqr(A, B, [1, 2, 3], 1),
-            'Q: expected a 2 x 2 matrix, its diagonal or one',
-        ),
+        (lambda: kr.lqr(A, B, [1, 2, 3], 1), 'Q: expected a 2 x 2 matrix, its diagonal or one'),
         (lambda: kr.lqr(A, B, 1, -1), 'R: expected a positive definite matrix'),
         (lambda: kr.lqr(A, B, 1, 1, dt=-1), 'dt: expected a positive number of seconds, got -1'),
         (lambda: kr.lqr('abc', B, 1, 1), 'A: expected a matrix or a model, got .abc'),

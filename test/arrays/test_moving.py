@@ -126,10 +126,7 @@ def test_it_is_found_for_other_durations(seconds):
         ({'seconds': 1, 'end': {1: 2}}, r"^end: expected names among .*, got '1'"),
         ({'values': [], 'times': [0, 1]}, r'^values: expected values by name, got list'),
         ({'seconds': 1, 'end': {'z': 1}}, r'^end: expected names'),
-        (
-            {'seconds': 1, 'end': {'v': 1.0}},
-            r'^start and end: at the end no .*: x changes',
-        ),
+        ({'seconds': 1, 'end': {'v': 1.0}}, r'^start and end: at the end no .*: x changes'),
         ({'seconds': 1, 'end': {'x': np.nan}}, r'^start and end: expected finite states'),
         ({'seconds': 1e9, 'end': {}}, r'^start and end: expected at most 60000'),
         ({'values': {'x': [0, 1]}}, r'^values: expected their times'),

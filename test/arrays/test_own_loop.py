@@ -233,8 +233,7 @@ def test_a_belief_names_what_others_call_otherwise(name, here):
 
 
 @pytest.mark.parametrize(
-    ('name', 'here'),
-    [('x', '.posterior.mean'), ('K', '.gain'), ('S', '.innovation_covariance')],
+    ('name', 'here'), [('x', '.posterior.mean'), ('K', '.gain'), ('S', '.innovation_covariance')]
 )
 def test_a_correction_names_what_others_call_otherwise(name, here):
     found = EKF.correct(START, [0.1, 0.0], ENCODERS)

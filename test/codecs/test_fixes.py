@@ -82,8 +82,7 @@ FULL = np.array([[4.0, 1.0, 0.5], [1.0, 9.0, 0.2], [0.5, 0.2, 16.0]])
 
 
 @pytest.mark.parametrize(
-    ('kind', 'used'),
-    [(0, None), (1, FULL), (2, np.diag(np.diag(FULL))), (3, FULL), (200, None)],
+    ('kind', 'used'), [(0, None), (1, FULL), (2, np.diag(np.diag(FULL))), (3, FULL), (200, None)]
 )
 def test_the_covariance_is_used_according_to_its_type(kind, used):
     found = read(fix(kind=kind, covariance=FULL)).covariance

@@ -203,10 +203,7 @@ def test_without_casadi_numpy_computes_and_it_is_said_why(monkeypatch):
             {'model': Outcome(None, 'C'), 'radar': Outcome(None, 'numpy', 'it decides')},
             'model: C; radar: numpy (it decides)',
         ),
-        (
-            {name: Outcome(None, 'numpy', 'none') for name in ('model', 'radar')},
-            'numpy (none)',
-        ),
+        ({name: Outcome(None, 'numpy', 'none') for name in ('model', 'radar')}, 'numpy (none)'),
     ],
 )
 def test_what_computes_in_words(outcomes, words):

@@ -80,11 +80,7 @@ def test_what_has_no_result_fails_as_in_python():
     ('name', 'values', 'says'),
     [
         ('sound_tracker', {}, 'arithmetic: c is not possible here: filter: expected kf, ekf, ukf'),
-        (
-            'cart_pole',
-            {'implementation': 'filterpy'},
-            'arithmetic: c is a filter of this',
-        ),
+        ('cart_pole', {'implementation': 'filterpy'}, 'arithmetic: c is a filter of this'),
     ],
 )
 def test_where_it_is_not_possible_it_is_refused(name, values, says):

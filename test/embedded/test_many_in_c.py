@@ -117,10 +117,7 @@ def test_a_covariance_that_all_share_is_that_of_each(cart_pole):
     ('options', 'says'),
     [
         ({'arithmetic': 'C'}, "^arithmetic: expected 'compiled' or 'c', got 'C'$"),
-        (
-            {'overrides': {'filter': 'square_root'}, 'arithmetic': 'c'},
-            '^arithmetic: c is not',
-        ),
+        ({'overrides': {'filter': 'square_root'}, 'arithmetic': 'c'}, '^arithmetic: c is not'),
     ],
 )
 def test_what_c_has_not_is_refused_in_one_line(options, says):

@@ -130,10 +130,7 @@ def test_an_estimate_that_both_contradict_recovers_after_so_many_readings_in_tot
 
 
 def test_a_sensor_that_agrees_does_not_vouch_for_what_it_does_not_see():
-    sensors = {
-        **positions('speed', measures=('v_x', 'v_y')),
-        **positions('place'),
-    }
+    sensors = {**positions('speed', measures=('v_x', 'v_y')), **positions('place')}
     wrong = Gaussian(np.array([50.0, 50.0, 1.0, 0.5]), 1e-4 * np.eye(4))
     online = estimator(KalmanFilter(PLANE), sensors, wrong)
     outcomes = {name: [] for name in sensors}

@@ -180,10 +180,7 @@ def test_gates_judge_what_something_is_known_of():
     model = kr.continuous_model(np.zeros((1, 1)), W=[0.01])
     times, y = np.arange(6.0), np.array([1e6, 1e6, 1e6, 0.0, 1e6, 1e6])
     found = kr.filter(model, ([1.0], 1.0), times, y, initial='diffuse', gates=0.999)
-    assert next(iter(found.counts.values())) == {
-        'fused': 5,
-        'rejected: outside the gate': 1,
-    }
+    assert next(iter(found.counts.values())) == {'fused': 5, 'rejected: outside the gate': 1}
 
 
 def test_a_belief_is_a_belief():

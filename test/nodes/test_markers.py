@@ -189,9 +189,7 @@ def peer_take(subscription):
 
 
 @pytest.mark.parametrize('name', ['two_bearings', 'mass_spring_damper_2d'])
-def test_a_sphere_is_thicker_than_its_track_and_smaller_than_an_arrow_is_long(
-    name,
-):
+def test_a_sphere_is_thicker_than_its_track_and_smaller_than_an_arrow_is_long(name):
     """In a drawing of a robot with a heading, the arrow is as long by the same measure."""
     sizes = []
     for each in (name, 'robot_2d'):

@@ -11,11 +11,7 @@ from kalman_ros.codecs.layout import Sample
 from kalman_ros.core import Signal
 from kalman_ros.pipeline.pose_changes import FirstPoseError, PoseChange, whole_pose
 
-PLANE = (
-    'pose.pose.position.x',
-    'pose.pose.position.y',
-    'pose.pose.orientation.yaw',
-)
+PLANE = ('pose.pose.position.x', 'pose.pose.position.y', 'pose.pose.orientation.yaw')
 SECOND = 1_000_000_000
 
 

@@ -105,14 +105,7 @@ def test_it_refuses_in_one_line(capsys, tmp_path):
             tmp_path / 'c',
         ),
         ('steps: expected 1 to', 'dc_motor', '--out', tmp_path / 'c', '--steps', -1),
-        (
-            "unknown parameter 'lor'",
-            'dc_motor',
-            '-p',
-            'lor:=1',
-            '--out',
-            tmp_path / 'c',
-        ),
+        ("unknown parameter 'lor'", 'dc_motor', '-p', 'lor:=1', '--out', tmp_path / 'c'),
         ('initialize: expected belief', 'dc_motor', '-p', 'initialize:=reading'),
     ):
         assert expected in refused(capsys, *arguments)

@@ -30,14 +30,7 @@ TOPICS = {
         {'/estimate', '/estimate/covariance', '/estimate/state', *INNOVATIONS},
     ),
     'controller': (
-        {
-            '/estimate',
-            '/goal',
-            '/reference',
-            '/reference/path',
-            '/reference/trajectory',
-            '/stop',
-        },
+        {'/estimate', '/goal', '/reference', '/reference/path', '/reference/trajectory', '/stop'},
         {'/force'},
     ),
     'monitor': (
@@ -127,11 +120,7 @@ def test_a_transition_that_there_is_not_is_refused():
         ('controller', 'input_limit', [1.0, 1.0, 1.0], 1.0, 'expected 1 or 2 numbers, got 3'),
         thorough('estimator', 'filter', 'kff', 'ekf', "unknown filter 'kff'"),
         thorough(
-            'estimator',
-            'position.topic',
-            '9 lives',
-            'place',
-            'expected the name of a topic',
+            'estimator', 'position.topic', '9 lives', 'place', 'expected the name of a topic'
         ),
         thorough('monitor', 'confidence', 2.0, 0.99, 'confidence: expected 0.5 to 1, got 2'),
     ],

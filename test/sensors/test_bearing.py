@@ -53,8 +53,7 @@ def posterior(z, P, y, std):
 
 
 @pytest.mark.parametrize(
-    ('y', 'P'),
-    [(0.4, ((0.5, 0.1), (0.1, 0.3))), (-0.8, ((0.2, 0.05), (0.05, 0.15)))],
+    ('y', 'P'), [(0.4, ((0.5, 0.1), (0.1, 0.3))), (-0.8, ((0.2, 0.05), (0.05, 0.15)))]
 )
 def test_hypotheses_together_are_the_posterior_by_integration(y, P):
     """To first order in the noise, along the line of sight and far from it."""

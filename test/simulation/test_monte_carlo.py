@@ -149,11 +149,7 @@ def test_runs_that_diverge_end_like_single_ones():
 @pytest.mark.parametrize('name', ['mass_spring_damper_2d'])
 @pytest.mark.parametrize(
     'divided',
-    [
-        {'chunk': 1},
-        {'chunk': 4},
-        pytest.param({'workers': 2, 'chunk': 3}, marks=pytest.mark.slow),
-    ],
+    [{'chunk': 1}, {'chunk': 4}, pytest.param({'workers': 2, 'chunk': 3}, marks=pytest.mark.slow)],
 )
 def test_the_numbers_do_not_depend_on_how_runs_are_divided(name, divided):
     experiment, seeds = experiment_of(name), spawned(1, 7)

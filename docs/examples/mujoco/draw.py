@@ -10,11 +10,7 @@ from matplotlib import pyplot as plt
 from run import FOLDER, circle_of, path_of, run
 
 PATH = [(0, 0), (3, 0), (3, 3), (0, 3)]
-LIMITS = {
-    'law': 'mpc',
-    'state_limit.x': [-0.75, 0.75],
-    'state_limit.theta': [-0.1, 0.1],
-}
+LIMITS = {'law': 'mpc', 'state_limit.x': [-0.75, 0.75], 'state_limit.theta': [-0.1, 0.1]}
 FAR = {'initial_estimate': [0.7, 0.0, 0.0, 0.0]}
 TRUTH, WISH, LIMIT = 'tab:blue', '0.6', 'tab:red'
 

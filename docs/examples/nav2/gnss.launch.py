@@ -32,10 +32,7 @@ def generate_launch_description():
                 executable='lifecycle_manager',
                 name='lifecycle_manager_localization',
                 parameters=[
-                    {
-                        'autostart': True,
-                        'node_names': ['local_estimator', 'global_estimator'],
-                    }
+                    {'autostart': True, 'node_names': ['local_estimator', 'global_estimator']}
                 ],
             ),
         ]

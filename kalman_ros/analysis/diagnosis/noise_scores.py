@@ -43,10 +43,7 @@ class NoiseScores:
 
 
 def noise_scores(
-    passage: Passage,
-    noise: Mapping[str, Array],
-    densities: Mapping[str, Array],
-    most: int = 2000,
+    passage: Passage, noise: Mapping[str, Array], densities: Mapping[str, Array], most: int = 2000
 ) -> NoiseScores:
     """Return the scores of the variances of all coordinates and of all process noise.
 

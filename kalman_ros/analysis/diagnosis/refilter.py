@@ -91,12 +91,7 @@ def shares(events: Sequence[Event], densities: Array) -> tuple[Array, Array]:
 class _CandidateFilters:
     """The filters of all candidates, which are propagated through the events together."""
 
-    def __init__(
-        self,
-        P: Array,
-        labels: Sequence[tuple[str, ...]],
-        candidates: Array,
-    ) -> None:
+    def __init__(self, P: Array, labels: Sequence[tuple[str, ...]], candidates: Array) -> None:
         C, n = len(candidates), len(P)
         self.misfit = np.zeros(C)
         self._P, self._d = np.broadcast_to(P, (C, n, n)).copy(), np.zeros((C, n))

@@ -62,10 +62,7 @@ class Determination:
 
 
 def determination(
-    parameters: Sequence[FreeParameter],
-    information: Array,
-    z: Array,
-    power: Array | None = None,
+    parameters: Sequence[FreeParameter], information: Array, z: Array, power: Array | None = None
 ) -> Determination:
     """Return the parameters that an information matrix (p, p) at z (p,) determines.
 

@@ -14,16 +14,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from kalman_ros.core import (
-    About,
-    Array,
-    Dynamics,
-    Gaussian,
-    Sensor,
-    Space,
-    solve,
-    unchecked,
-)
+from kalman_ros.core import About, Array, Dynamics, Gaussian, Sensor, Space, solve, unchecked
 from kalman_ros.estimators.filter import Correction, Prediction, SmoothableFilter
 from kalman_ros.estimators.plan import Plan, carried
 from kalman_ros.linear.batched import sandwich, symmetric

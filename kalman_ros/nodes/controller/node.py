@@ -90,12 +90,7 @@ class ControllerNode(runtime.ScenarioNode):
         self.at_the_end(self._output.deliver)
         frame = partial(self._feed.frame, options.frame)
         self._reference = ReferenceReader(
-            self,
-            scenario,
-            self._hold,
-            self._move,
-            frame,
-            options.reference_timeout,
+            self, scenario, self._hold, self._move, frame, options.reference_timeout
         )
         #: Steps without a plan within the limits of the states, as last reported.
         self._impossible, self._warn = 0, Throttle(self.get_logger().warning)

@@ -91,8 +91,7 @@ class ControllerOptions(NodeOptions):
         ),
     ] = 0.05
     reference_timeout: Annotated[
-        float,
-        About('how long a set point with a velocity moves on without a newer one', 's', 0.0),
+        float, About('how long a set point with a velocity moves on without a newer one', 's', 0.0)
     ] = 0.5
     solve_timeout: Annotated[
         float,

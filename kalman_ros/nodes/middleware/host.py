@@ -33,13 +33,7 @@ class Host(Protocol):
         ...
 
     def create_subscription(
-        self,
-        kind: Any,
-        topic: str,
-        callback: Callable[..., Any],
-        queue: Any,
-        /,
-        **options: Any,
+        self, kind: Any, topic: str, callback: Callable[..., Any], queue: Any, /, **options: Any
     ) -> Any:
         """Return a new subscription; undecodable messages do not reach the callback."""
         ...

@@ -167,10 +167,7 @@ class ScenarioNode(WatcherNode, ManagedNode):
         return choose(given, self._build_options, self.extra_options, with_law=self.with_law)
 
     def _choose_again(
-        self,
-        given: Mapping[str, Value],
-        later: Mapping[str, Value],
-        changes: Mapping[str, Value],
+        self, given: Mapping[str, Value], later: Mapping[str, Value], changes: Mapping[str, Value]
     ) -> Chosen:
         """Return the parameters after a change by which there are others.
 

@@ -18,6 +18,5 @@ class MonitorOptions(NodeOptions):
         int, About('estimates over which NEES and NIS are averaged', minimum=10)
     ] = 500
     confidence: Annotated[
-        float,
-        About('probability with which a consistent filter passes', minimum=0.5, maximum=1.0),
+        float, About('probability with which a consistent filter passes', minimum=0.5, maximum=1.0)
     ] = 0.999

@@ -36,8 +36,7 @@ class PlantOptions(NodeOptions, BodyOptions):
         ),
     ] = 0
     wait_for_estimate: Annotated[
-        bool,
-        About('lockstep: wait for the estimate, too, where the controller does not use it'),
+        bool, About('lockstep: wait for the estimate, too, where the controller does not use it')
     ] = False
     force_timeout: Annotated[
         float,

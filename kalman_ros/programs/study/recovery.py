@@ -109,11 +109,7 @@ def _draw(checks: Sequence[Check], path: Path) -> None:
         gain.axhline(guarantee, color=TRUTH, lw=0.8, ls=':', label='true state, sampled')
         gain.set_ylabel('upper gain margin (log)')
         gain.set_title('The margin recovers')
-        noise.plot(
-            strengths,
-            [_input_rms(r) for r in strengths.tolist()],
-            color=ESTIMATE,
-        )
+        noise.plot(strengths, [_input_rms(r) for r in strengths.tolist()], color=ESTIMATE)
         noise.set_ylabel('RMS of the input (log)')
         noise.set_title('Noise at the input grows')
         for axis, label in ((gain, 'gain margin'), (noise, 'RMS of the input')):

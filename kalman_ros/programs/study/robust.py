@@ -114,10 +114,7 @@ def designs() -> Mapping[str, dict[str, Any]]:
     return {
         'LQG': {},
         'recovered': noise(W + 1.0 * plant.B @ plant.B.T),
-        'loop shaping': {
-            **noise(density * shaped.noise),
-            'input_cost': [30.0],
-        },
+        'loop shaping': {**noise(density * shaped.noise), 'input_cost': [30.0]},
         'spring-aware': noise(W + 0.04 * spring @ spring.T),
     }
 

@@ -103,11 +103,7 @@ def _follow(points: Array) -> Followed:
         scenario, along_path(scenario, space, SPEED, ACCELERATION, rounding=ROUNDING)
     )
     seconds = round(motion.duration + AFTER, 1)
-    controls = {
-        'path_speed': SPEED,
-        'path_acceleration': ACCELERATION,
-        'path_tolerance': ROUNDING,
-    }
+    controls = {'path_speed': SPEED, 'path_acceleration': ACCELERATION, 'path_tolerance': ROUNDING}
     with StudyRun(values, only={'controller': controls}) as run:
         publish_path(run, points)
         run.advance(seconds)

@@ -20,8 +20,7 @@ class BodyOptions:
     """The options of faults at the input; all are off by default."""
 
     actuator_gain: Annotated[
-        Sequence[float],
-        About('factor of each input before it acts; one for all', live=True),
+        Sequence[float], About('factor of each input before it acts; one for all', live=True)
     ] = (1.0,)
     actuator_delay: Annotated[float, About('delay of the input', 's', 0.0, 10.0, live=True)] = 0.0
     actuator_loss: Annotated[
@@ -38,12 +37,10 @@ class BodyOptions:
         About('half width of the dead zone of each input; one for all', '', 0.0, live=True),
     ] = (0.0,)
     disturbance_constant: Annotated[
-        Sequence[float],
-        About('constant disturbance of each input; one for all', live=True),
+        Sequence[float], About('constant disturbance of each input; one for all', live=True)
     ] = (0.0,)
     disturbance_amplitude: Annotated[
-        Sequence[float],
-        About('amplitude of a sine added to each input; one for all', live=True),
+        Sequence[float], About('amplitude of a sine added to each input; one for all', live=True)
     ] = (0.0,)
     disturbance_frequency: Annotated[
         float, About('frequency of that sine', 'Hz', minimum=0.0, live=True)

@@ -34,8 +34,7 @@ class BurstLoss(Fault):
     """
 
     burst_loss: Annotated[
-        float,
-        About('probability that a burst of losses begins at a reading', '', 0, 1, live=True),
+        float, About('probability that a burst of losses begins at a reading', '', 0, 1, live=True)
     ] = 0.0
     burst_length: Annotated[
         float, About('average length of a burst in readings', '', 1.0, live=True)
@@ -70,8 +69,7 @@ class Jitter(Fault):
     """A random delay; one reading may overtake another."""
 
     jitter: Annotated[
-        float,
-        About('largest delay of the readings, uniformly distributed', 's', 0, 10, live=True),
+        float, About('largest delay of the readings, uniformly distributed', 's', 0, 10, live=True)
     ] = 0.0
 
     def __call__(self, reading: Reading) -> Reading:
@@ -84,8 +82,7 @@ class Reordering(Fault):
     """A reading sometimes arrives after its successor."""
 
     reordering: Annotated[
-        float,
-        About('probability that a reading arrives after its successor', '', 0, 1, live=True),
+        float, About('probability that a reading arrives after its successor', '', 0, 1, live=True)
     ] = 0.0
 
     def __call__(self, reading: Reading) -> Reading:

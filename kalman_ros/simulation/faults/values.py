@@ -19,8 +19,7 @@ class Bias(Fault):
     """A constant error."""
 
     bias: Annotated[
-        Sequence[float],
-        About('constant error of each coordinate; one for all', live=True),
+        Sequence[float], About('constant error of each coordinate; one for all', live=True)
     ] = (0.0,)
 
     def begin(self) -> None:

@@ -90,10 +90,7 @@ def _chain(
 
 
 def recorded(
-    name: str,
-    injection: Injection | None = None,
-    seconds: float = 60.0,
-    seed: int = 0,
+    name: str, injection: Injection | None = None, seconds: float = 60.0, seed: int = 0
 ) -> Evidence:
     """Return the evidence of a recording of a shipped scenario with the injected faults."""
     wrong = injection or Injection()

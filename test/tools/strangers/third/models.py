@@ -194,9 +194,7 @@ class Hovercraft(Model):
     """A hovercraft that glides to all sides, with one fan and a rudder."""
 
     state = Space(
-        ('x', 'y', 'psi', 'u', 'v', 'r'),
-        ('m', 'm', 'rad', 'm/s', 'm/s', 'rad/s'),
-        angles=('psi',),
+        ('x', 'y', 'psi', 'u', 'v', 'r'), ('m', 'm', 'rad', 'm/s', 'm/s', 'rad/s'), angles=('psi',)
     )
     input = Space(('thrust', 'moment'), ('N', 'N m'))
     max_step = 0.05

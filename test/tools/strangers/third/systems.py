@@ -19,9 +19,7 @@ _OWN = (
         _ROBOTS,
     ),
     System(
-        vehicles.hovercraft,
-        {'seconds': 100.0, 'drag': 3.0, 'antenna': 0.0, 'shove': 0.0},
-        _ROBOTS,
+        vehicles.hovercraft, {'seconds': 100.0, 'drag': 3.0, 'antenna': 0.0, 'shove': 0.0}, _ROBOTS
     ),
     System(vehicles.glider, {'seconds': 90.0, 'drag': 0.02}, _ROBOTS),
     System(vehicles.walker, {'seconds': 100.0}, _ROBOTS),
