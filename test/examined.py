@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from kalman_ros.analysis.diagnosis.evidence import Evidence
+from kalman_ros.analysis.diagnosis.passage import Passage
 from kalman_ros.analysis.diagnosis.responses import Responses
 from kalman_ros.analysis.records import Beliefs, InputRecord, SensorRecord
 from kalman_ros.estimators.outcome import Outcome
@@ -60,12 +61,9 @@ def case(readings, squares=None, **parameters):
         for i, square in enumerate(squares)
     ]
     events = [event for event in events if np.isfinite(event.innovation).all()]
-    passage = SimpleNamespace(
-        events=events,
-        whitened=[event.innovation for event in events],
-        of=lambda name: np.arange(len(events)) if name == 'position' else np.zeros(0, dtype=int),
-        selected=lambda name, rows: None,
-    )
+    passage = Passage(events, [event.innovation for event in events])
+    # an event that is given cannot be moved to another reading
+    passage.__dict__['selected'] = lambda name, rows: None
     found = evidence(readings, **parameters)
     return SimpleNamespace(evidence=found, passage=passage, judged=['position'])
 

@@ -109,9 +109,7 @@ def _shifted(evidence: Evidence, name: str, index: int, path: Array, limits: Arr
     """Return the evidence without an offset of a coordinate in each piece."""
     record = evidence.sensors[name]
     pieces = np.clip(np.searchsorted(limits, record.stamp, 'right') - 1, 0, len(path) - 1)
-    value = record.value.copy()
-    value[:, index] -= path[pieces]
-    return evidence.with_values(name, value)
+    return evidence.with_column(name, index, record.value[:, index] - path[pieces])
 
 
 def _kind_of(courses: Mapping[int, Course]) -> str:

@@ -62,7 +62,7 @@ def _find(case: Examination, one: str, other: str) -> Finding | None:
 
 def _in_time(case: Examination, name: str, index: int) -> float:
     """Return the magnitude of the correlation of innovations of successive readings."""
-    e = np.array([case.passage.whitened[i][index] for i in case.passage.of(name)])
+    e = case.passage.whitened_of(name)[:, index]
     return abs(float(e[1:] @ e[:-1])) / max(float(e @ e), 1e-300)
 
 

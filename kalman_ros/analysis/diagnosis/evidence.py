@@ -59,6 +59,22 @@ class Evidence:
         """Return the evidence with other values (N, k) of one sensor."""
         return self.with_sensor(name, replace(self.sensors[name], value=value))
 
+    def with_column(self, name: str, index: int, column: Array) -> Evidence:
+        """Return the evidence with other values (N,) of a coordinate of one sensor."""
+        value = self.sensors[name].value.copy()
+        value[:, index] = column
+        return self.with_values(name, value)
+
+    def without(self, name: str, rows: Any) -> Evidence:
+        """Return the evidence without some readings of one sensor, by index or mask."""
+        value = self.sensors[name].value.copy()
+        value[rows] = np.nan
+        return self.with_values(name, value)
+
+    def with_inputs(self, value: Array) -> Evidence:
+        """Return the evidence with other values (N, m) of the inputs."""
+        return replace(self, inputs=replace(self.inputs, value=value))
+
     def adopting(self, changes: Mapping[str, Any]) -> Evidence:
         """Return the evidence with other parameters, without a replay.
 

@@ -35,14 +35,9 @@ def _rests(case: Examination, name: str, record: SensorRecord, rows: Array) -> b
     """Return whether the frozen value is that of a body at rest, and the filter agrees."""
     if record.value[rows].any():
         return False
-    events = (case.passage.events[i] for i in case.passage.of(name))
-    frozen = {*rows.tolist()}
-    squares = [
-        float(e @ e) / len(e)
-        for event, e in zip(events, (case.passage.whitened[i] for i in case.passage.of(name)))
-        if event.index in frozen
-    ]
-    return bool(squares) and float(np.mean(squares)) < _AGREES
+    at = [case.passage.events[i].index for i in case.passage.of(name)]
+    e = case.passage.whitened_of(name)[np.isin(at, rows)]
+    return e.size > 0 and float(np.mean(np.square(e))) < _AGREES
 
 
 def _frozen(case: Examination, name: str, record: SensorRecord) -> Iterator[Finding]:

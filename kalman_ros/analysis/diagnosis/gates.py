@@ -27,16 +27,10 @@ def find(case: Examination) -> list[Finding]:
         expected = (1.0 - gate) * len(record)
         if count <= 3.0 * expected + 3.0 or bdtrc(count, len(record), 1.0 - gate) > 1e-7:
             continue
-        squares = {
-            case.passage.events[i].index: float(
-                case.passage.whitened[i] @ case.passage.whitened[i]
-            )
-            for i in case.passage.of(name)
-        }
-        rejected_squares = [square for index, square in squares.items() if rejected[index]]
-        if not rejected_squares or np.median(rejected_squares) > _GOOD * np.median(
-            [*squares.values()]
-        ):
+        squares = case.passage.squares(name)
+        at = [case.passage.events[i].index for i in case.passage.of(name)]
+        far = squares[rejected[at]]
+        if not len(far) or np.median(far) > _GOOD * np.median(squares):
             continue
         times = record.received - case.evidence.start
         change = {f'{name}.gate': 1.0}

@@ -81,8 +81,7 @@ def multiplied(case: Examination, group: tuple[int, ...], factor: float) -> Find
 
 def mixed(evidence: Evidence, M: Array) -> Evidence:
     """Return the evidence with the inputs u replaced by M u."""
-    inputs = evidence.inputs
-    return replace(evidence, inputs=replace(inputs, value=inputs.value @ M.T))
+    return evidence.with_inputs(evidence.inputs.value @ M.T)
 
 
 def _instruments(space: Space) -> list[Vectors]:

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
 from .hypotheses import edges, held
-from .responses import Fit
 
 #: A gain that differs from 1 by less than the first number is no finding; a gain of 1 plus the
 #: second number or less has the wrong sign.
@@ -44,39 +43,56 @@ def _with_input(evidence: Evidence, index: int, column: Array) -> Evidence:
     """Return the evidence with other values (N,) of an input."""
     value = evidence.inputs.value.copy()
     value[:, index] = column
-    return replace(evidence, inputs=replace(evidence.inputs, value=value))
+    return evidence.with_inputs(value)
+
+
+@dataclass
+class _Joint:
+    """A finding of several inputs together: with a value, a text and a gain for each of them."""
+
+    kind: str
+    sentence: str
+    evidence: Evidence
+    words: list[str] = field(default_factory=list)
+    subject: str = ''
+    gain: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.value = self.evidence.inputs.value.copy()
+
+    def add(self, index: int, change: Array, gain: float, words: str) -> None:
+        """Add an input, to which ``change`` (N,) is added by the fault."""
+        self.value[:, index] += change
+        self.gain += gain
+        self.subject = self.subject or self.evidence.scenario.model.input.names[index]
+        self.words.append(words)
+
+    def findings(self, **more: Any) -> list[Finding]:
+        """Return the finding, if there are inputs of it."""
+        mended, sentence = self.evidence.with_inputs(self.value), self.sentence
+        finding = Finding(
+            self.kind, self.subject, sentence.format(', '.join(self.words)), self.gain**0.5,
+            gain=self.gain, mended=lambda: mended, **more,
+        )  # fmt: skip
+        return [finding] if self.words else []
 
 
 def _find_gains(case: Examination) -> list[Finding]:
     """Return the inputs that act with the wrong sign, or with another gain."""
-    evidence, names = case.evidence, case.evidence.scenario.model.input.names
-    fits: dict[str, dict[int, Fit]] = {'input sign': {}, 'input gain': {}}
-    for index, name in enumerate(names):
+    sentence, u = 'the input does not act as commanded: {}.', case.evidence.inputs.value
+    signs, gains = (_Joint(f'input {k}', sentence, case.evidence) for k in ('sign', 'gain'))
+    for index, name in enumerate(case.evidence.scenario.model.input.names):
         for column in case.responses.columns('gain', name):
             fit = case.responses.alone(column)
-            if fit.gain >= CHANCE and abs(fit.size[0]) >= _RELEVANT:
-                fits['input sign' if fit.size[0] < _REVERSED else 'input gain'][index] = fit
-    return [_gain_finding(evidence, kind, by_index) for kind, by_index in fits.items() if by_index]
-
-
-def _gain_finding(evidence: Evidence, kind: str, fits: Mapping[int, Fit]) -> Finding:
-    """Return the finding of the inputs with these fits, by index of the input."""
-    names = evidence.scenario.model.input.names
-    value, words, total = evidence.inputs.value.copy(), [], 0.0
-    for index, fit in fits.items():
-        gain, total = 1.0 + float(fit.size[0]), total + fit.gain
-        value[:, index] *= gain
-        share = f'at {gain:.3g} ± {fit.std[0]:.1g} of its command'
-        words.append(f'{names[index]} {"with the wrong sign" if kind == "input sign" else share}')
-    mended = replace(evidence, inputs=replace(evidence.inputs, value=value))
-    return Finding(
-        kind,
-        names[min(fits)],
-        f'the input does not act as commanded: {", ".join(words)}.',
-        total**0.5,
-        gain=total,
-        mended=lambda: mended,
-    )
+            size = float(fit.size[0])
+            if fit.gain < CHANCE or abs(size) < _RELEVANT:
+                continue
+            if size < _REVERSED:
+                signs.add(index, size * u[:, index], fit.gain, f'{name} with the wrong sign')
+            else:
+                words = f'{name} at {1.0 + size:.3g} ± {fit.std[0]:.1g} of its command'
+                gains.add(index, size * u[:, index], fit.gain, words)
+    return [*signs.findings(), *gains.findings()]
 
 
 def _find_asymmetries(case: Examination) -> list[Finding]:
@@ -138,9 +154,11 @@ def _find_delay(case: Examination, name: str, index: int) -> list[Finding]:
 
 def _find_dead_zones(case: Examination) -> list[Finding]:
     """Return the inputs with a dead zone, in which they have no effect."""
-    evidence = case.evidence
-    value, words, first, gain = evidence.inputs.value.copy(), [], '', 0.0
-    for index, name in enumerate(evidence.scenario.model.input.names):
+    joint = _Joint(
+        'dead zone', 'the first {}, either way, has no effect: a dead zone, as of a motor with '
+        'static friction.', case.evidence,
+    )  # fmt: skip
+    for index, name in enumerate(case.evidence.scenario.model.input.names):
         columns = case.responses.columns('dead', name)
         fits = [case.responses.alone(column) for column in columns]
         best = max(range(len(fits)), key=lambda i: fits[i].gain, default=None)
@@ -149,23 +167,9 @@ def _find_dead_zones(case: Examination) -> list[Finding]:
         if not _DEAD_SHARE[0] < fits[best].size[0] < _DEAD_SHARE[1]:
             continue
         zone = float(fits[best].size[0]) * float(case.responses.labels[columns[best]][2])
-        value[:, index] -= np.clip(value[:, index], -zone, zone)
-        gain, first = gain + fits[best].gain, first or name
-        words.append(f'{zone:.3g} of {name}')
-    if not words:
-        return []
-    mended = replace(evidence, inputs=replace(evidence.inputs, value=value))
-    return [
-        Finding(
-            'dead zone',
-            first,
-            f'the first {", ".join(words)}, either way, has no effect: a dead zone, as of a motor '
-            'with static friction.',
-            gain**0.5,
-            gain=gain,
-            mended=lambda: mended,
-        )
-    ]
+        clipped = np.clip(case.evidence.inputs.value[:, index], -zone, zone)
+        joint.add(index, -clipped, fits[best].gain, f'{zone:.3g} of {name}')
+    return joint.findings()
 
 
 def _find_disturbances(case: Examination) -> list[Finding]:
@@ -174,63 +178,39 @@ def _find_disturbances(case: Examination) -> list[Finding]:
     names = evidence.scenario.model.input.names
     groups = {i: case.responses.columns('push', name) for i, name in enumerate(names)}
     courses = courses_of(case.responses, groups)
-    if not courses:
-        return []
     pieces = np.searchsorted(limits, evidence.inputs.stamp, 'right') - 1
-    value, words = evidence.inputs.value.copy(), []
+    joint = _Joint(
+        'disturbance', 'something adds {}: a slope, wind, a bias of the actuator, or an input '
+        'that the model does not have.', evidence,
+    )  # fmt: skip
     for index, course in courses.items():
-        value[:, index] += course.values[np.clip(pieces, 0, len(course.values) - 1)]
         low, high = course.values.min(), course.values.max()
         size = f'{low:+.3g}' if course.kind == 'constant' else f'{low:+.3g} to {high:+.3g}'
-        words.append(f'{size} to {names[index]}')
-    mended = replace(evidence, inputs=replace(evidence.inputs, value=value))
-    gain = sum(course.gain for course in courses.values())
+        added = course.values[np.clip(pieces, 0, len(course.values) - 1)]
+        joint.add(index, added, course.gain, f'{size} to {names[index]}')
     middles = 0.5 * (limits[1:] + limits[:-1]) - limits[0]
     curves = tuple(Curve(names[i], middles, course.values) for i, course in courses.items())
-    return [
-        Finding(
-            'disturbance',
-            names[next(iter(courses))],
-            f'something adds {", ".join(words)}: a slope, wind, a bias of the actuator, or an '
-            'input that the model does not have.',
-            gain**0.5,
-            gain=gain,
-            dues=sum(course.dues for course in courses.values()),
-            parameters=len(courses),
-            figure=Figure('What adds to the input', 'time [s]', 'input', curves),
-            mended=lambda: mended,
-        )
-    ]
+    return joint.findings(
+        dues=sum(course.dues for course in courses.values()), parameters=len(courses),
+        figure=Figure('What adds to the input', 'time [s]', 'input', curves),
+    )  # fmt: skip
 
 
 def _find_tones(case: Examination) -> list[Finding]:
     """Return the sines that are added to the inputs."""
-    evidence = case.evidence
-    stamps, value = evidence.inputs.stamp, evidence.inputs.value.copy()
-    gain, words, first = 0.0, [], ''
-    for index, name in enumerate(evidence.scenario.model.input.names):
+    stamps = case.evidence.inputs.stamp
+    joint = _Joint(
+        'disturbance',
+        'a sine adds {}: a vibration, or an input that the model does not have.', case.evidence,
+    )  # fmt: skip
+    for index, name in enumerate(case.evidence.scenario.model.input.names):
         columns = case.responses.columns('tone', name)
         fit = case.responses.fit(np.eye(2), columns) if columns else None
         if fit is None or fit.gain < CHANCE + 20.0:
             continue
         frequency = float(case.responses.labels[columns[0]][2])
-        phase = 2.0 * np.pi * frequency * (stamps + 0.5 / evidence.scenario.rate)
-        value[:, index] += fit.size[0] * np.sin(phase) + fit.size[1] * np.cos(phase)
-        gain, first = gain + fit.gain, first or name
-        words.append(f'{np.hypot(*fit.size):.3g} at {frequency:.3g} Hz to {name}')
-    mended = replace(evidence, inputs=replace(evidence.inputs, value=value))
-    return (
-        [
-            Finding(
-                'disturbance',
-                first,
-                f'a sine adds {", ".join(words)}: a vibration, or an input that the '
-                'model does not have.',
-                gain**0.5,
-                gain=gain,
-                mended=lambda: mended,
-            )
-        ]
-        if words
-        else []
-    )
+        phase = 2.0 * np.pi * frequency * (stamps + 0.5 / case.evidence.scenario.rate)
+        added = fit.size[0] * np.sin(phase) + fit.size[1] * np.cos(phase)
+        words = f'{np.hypot(*fit.size):.3g} at {frequency:.3g} Hz to {name}'
+        joint.add(index, added, fit.gain, words)
+    return joint.findings()

@@ -23,7 +23,7 @@ def find(case: Examination) -> list[Finding]:
     """
     notes = []
     for name in case.judged:
-        e = np.array([case.passage.whitened[i] for i in case.passage.of(name)])
+        e = case.passage.whitened_of(name)
         reason = _unexpected(np.clip(e, -5.0, 5.0)) if len(e) >= _FEWEST else ''
         if reason:
             notes.append(

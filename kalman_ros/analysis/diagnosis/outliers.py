@@ -10,7 +10,6 @@ from scipy.special import gammainccinv
 
 from kalman_ros.core import Array
 
-from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
 from .passage import DROPPED, gated
@@ -37,11 +36,10 @@ def find(case: Examination) -> list[Finding]:
 
 
 def _find_outliers(case: Examination, name: str) -> Finding | None:
-    events = case.passage.of(name)
+    events, squares = case.passage.of(name), case.passage.squares(name)
     if len(events) < 20:
         return None
     k = len(case.passage.whitened[events[0]])
-    squares = np.array([case.passage.whitened[i] @ case.passage.whitened[i] for i in events])
     typical = max(1.0, float(np.median(squares) / (2.0 * gammainccinv(k / 2.0, 0.5))))
     limit = typical * 2.0 * float(gammainccinv(k / 2.0, _RARE))
     if not (squares > limit).any():
@@ -54,16 +52,9 @@ def _find_outliers(case: Examination, name: str) -> Finding | None:
     gain += float(np.sum(kept[kept > limit] - k))
     if not 0.0 < share <= _MOST or gain < CHANCE:
         return None
-    record = case.evidence.sensors[name]
     size = float(np.sqrt(np.median(squares[np.isin(indices, rows)]) / k))
     gate = case.evidence.scenario.sensors[name].gate
     change = {f'{name}.gate': 0.9999} if gate >= 1.0 else {}
-
-    def mended() -> Evidence:
-        value = record.value.copy()
-        value[rows] = np.nan
-        return case.evidence.with_values(name, value)
-
     runs = runs_of(np.isin(indices, rows))
     together = len(rows) >= _CLUSTERED * runs
     course = f', in {runs} stretch{"es" if runs > 1 else ""}' if together else ''
@@ -72,7 +63,7 @@ def _find_outliers(case: Examination, name: str) -> Finding | None:
         f'{len(rows)} of {len(events)} readings of {name} ({100.0 * share:.2g} %) are outliers'
         f'{course}, about {size:.2g} standard deviations off. A gate rejects them.',
         gain**0.5, change, gain=gain, figure=_picture(case, name, events, squares, limit),
-        mended=mended, passage=passage,
+        mended=lambda: case.evidence.without(name, rows), passage=passage,
     )  # fmt: skip
 
 

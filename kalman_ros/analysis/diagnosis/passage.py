@@ -126,6 +126,14 @@ class Passage:
         """Return the indices of the events of a sensor."""
         return np.array(self._indices.get(sensor, []), dtype=int)
 
+    def whitened_of(self, sensor: str) -> Array:
+        """Return the whitened innovations of a sensor (E, k)."""
+        return np.array([self.whitened[i] for i in self._indices.get(sensor, [])])
+
+    def squares(self, sensor: str) -> Array:
+        """Return the squares e'e of the whitened innovations of a sensor (E,)."""
+        return np.array([e @ e for e in self.whitened_of(sensor)])
+
 
 def passage(
     evidence: Evidence,

@@ -10,7 +10,6 @@ import numpy as np
 
 from kalman_ros.core import Array
 
-from .evidence import Evidence
 from .examination import Examination
 from .finding import Curve, Figure, Finding
 
@@ -87,16 +86,11 @@ def _finding(
 ) -> Finding:
     record = case.evidence.sensors[name]
     label = case.evidence.scenario.sensors[name].sensor.output.names[index]
-
-    def mended() -> Evidence:
-        value = record.value.copy()
-        value[at_end] = np.nan
-        return case.evidence.with_values(name, value)
-
     times = record.stamp - case.evidence.start
     curves = (Curve(label, times, record.value[:, index], 'dots'),)
     return Finding(
         kind, f'{name}.{label}',
         f'{int(at_end.sum())} of {len(record)} readings of {name}.{label} are {words}',
-        inf, figure=Figure(f'{name}: range of {label}', 'time [s]', label, curves), mended=mended,
+        inf, figure=Figure(f'{name}: range of {label}', 'time [s]', label, curves),
+        mended=lambda: case.evidence.without(name, at_end),
     )  # fmt: skip

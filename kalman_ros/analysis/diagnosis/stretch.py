@@ -9,7 +9,6 @@ import numpy as np
 
 from kalman_ros.core import Array
 
-from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Finding
 from .hypotheses import edges
@@ -108,12 +107,7 @@ def _shifted(case: Examination, name: str, index: int, found: Stretch, limits: A
     """Return the finding that a coordinate is off from one time to another."""
     record, space = case.evidence.sensors[name], case.evidence.scenario.sensors[name].sensor.output
     since, until = float(limits[found.begin]), float(limits[found.end])
-
-    def mended() -> Evidence:
-        value = record.value.copy()
-        value[(record.stamp >= since) & (record.stamp < until), index] -= found.size
-        return case.evidence.with_values(name, value)
-
+    off = np.where((record.stamp >= since) & (record.stamp < until), found.size, 0.0)
     start = case.evidence.start
     return Finding(
         'disturbed', name,
@@ -121,7 +115,7 @@ def _shifted(case: Examination, name: str, index: int, found: Stretch, limits: A
         f'{space.label(space.names[index])} by {found.size:+.3g} ± {found.std:.1g}, and not '
         'before or after: a magnet, reflections, or a slip.',
         found.gain**0.5, gain=found.gain, parameters=3, figure=innovations(case, name, index),
-        mended=mended,
+        mended=lambda: case.evidence.with_column(name, index, record.value[:, index] - off),
     )  # fmt: skip
 
 
@@ -138,10 +132,9 @@ def heaviest(values: Array) -> tuple[int, int]:
 
 
 def _find(case: Examination, name: str) -> Finding | None:
-    events = case.passage.of(name)
+    events, squares = case.passage.of(name), case.passage.squares(name)
     if len(events) < 2 * _FEWEST:
         return None
-    squares = np.array([case.passage.whitened[i] @ case.passage.whitened[i] for i in events])
     k = len(case.passage.whitened[events[0]])
     begin, end = heaviest(np.minimum(squares, _OUTLYING) - k - DROPPED)
     gain = float(np.sum(squares[begin:end] - k - DROPPED))
@@ -152,17 +145,13 @@ def _find(case: Examination, name: str) -> Finding | None:
     record = case.evidence.sensors[name]
     since, until = (case.passage.events[events[i]].time for i in (begin, end - 1))
     size = float(np.sqrt(np.median(squares[begin:end]) / k))
-
-    def mended() -> Evidence:
-        value = record.value.copy()
-        value[(record.stamp >= since) & (record.stamp <= until)] = np.nan
-        return case.evidence.with_values(name, value)
-
+    within = (record.stamp >= since) & (record.stamp <= until)
     start = case.evidence.start
     return Finding(
         'disturbed', name,
         f'readings of {name} contradict the filter from t = {since - start:.3g} to '
         f'{until - start:.3g} s, by about {size:.2g} standard deviations, and not before or '
         'after: a magnet, reflections, another frame, or a slip.',
-        gain**0.5, gain=gain, parameters=2, figure=innovations(case, name, 0), mended=mended,
+        gain**0.5, gain=gain, parameters=2, figure=innovations(case, name, 0),
+        mended=lambda: case.evidence.without(name, within),
     )  # fmt: skip

@@ -115,18 +115,13 @@ def _asymmetric(
     case: Examination, name: str, index: int, factors: tuple[float, float], gain: float
 ) -> Finding:
     """Return the finding of a coordinate with these factors above zero, and below."""
-    record, label = case.evidence.sensors[name], label_of(case, name, (index,))
-
-    def mended() -> Evidence:
-        value = record.value.copy()
-        value[:, index] *= np.where(value[:, index] > 0.0, *factors)
-        return case.evidence.with_values(name, value)
-
+    y, label = case.evidence.sensors[name].value[:, index], label_of(case, name, (index,))
     return Finding(
         'asymmetric scale', label,
         f'readings of {label} fit the model once multiplied by {factors[0]:.4g} where they are '
         f'positive, and by {factors[1]:.4g} where they are negative.',
-        gain**0.5, gain=gain, parameters=2, mended=mended,
+        gain**0.5, gain=gain, parameters=2,
+        mended=lambda: case.evidence.with_column(name, index, y * np.where(y > 0.0, *factors)),
     )  # fmt: skip
 
 
@@ -158,19 +153,14 @@ def _temperature(
     case: Examination, name: str, index: int, unit: str, gain: float, dues: float
 ) -> Finding:
     """Return the finding that a coordinate is a temperature in another unit."""
-    record, (factor, zero) = case.evidence.sensors[name], AFFINE[unit]
+    y, (factor, zero) = case.evidence.sensors[name].value[:, index], AFFINE[unit]
     label = label_of(case, name, (index,))
-
-    def mended() -> Evidence:
-        value = record.value.copy()
-        value[:, index] = factor * value[:, index] + zero
-        return case.evidence.with_values(name, value)
-
     return Finding(
         'unit', label,
         f'readings of {label} fit the model once multiplied by {factor:.4g} and moved by '
         f'{zero:+.4g}: they are in {unit}.',
-        gain**0.5, gain=gain, dues=dues, mended=mended,
+        gain**0.5, gain=gain, dues=dues,
+        mended=lambda: case.evidence.with_column(name, index, factor * y + zero),
     )  # fmt: skip
 
 
@@ -198,9 +188,9 @@ def label_of(case: Examination, name: str, group: Sequence[int]) -> str:
 
 def _inflation(case: Examination, name: str) -> float:
     """Return the ratio of squared innovations to their expectation, without outliers."""
-    squares = [case.passage.whitened[i] @ case.passage.whitened[i] for i in case.passage.of(name)]
+    squares = case.passage.squares(name)
     size = case.evidence.scenario.sensors[name].sensor.output.size
-    return max(1.0, float(np.median(squares)) / size) if squares else 1.0
+    return max(1.0, float(np.median(squares)) / size) if len(squares) else 1.0
 
 
 def _likeliest_factor(
