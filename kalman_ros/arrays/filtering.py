@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
@@ -23,6 +23,39 @@ from .passing import Pass, Task
 from .rows import Rows, model_of, readings_of, rows_of, sensors_of, times_of
 from .scenarios import load
 from .tables import is_table, unpack
+
+
+@overload
+def filter(
+    model: str | Scenario,
+    *,
+    times: Any,
+    readings: Any = None,
+    inputs: ArrayLike | None = None,
+    initial: Any = None,
+    filter: str = '',
+    input_times: ArrayLike | None = None,
+    gates: float | Mapping[str, float] | None = None,
+    options: Mapping[str, Value] | None = None,
+    arithmetic: str = COMPILED,
+) -> Estimates: ...
+
+
+@overload
+def filter(
+    model: Any,
+    sensors: Any,
+    times: Any = None,
+    readings: Any = None,
+    inputs: ArrayLike | None = None,
+    *,
+    initial: Any,
+    filter: str = '',
+    input_times: ArrayLike | None = None,
+    gates: float | Mapping[str, float] | None = None,
+    options: Mapping[str, Value] | None = None,
+    arithmetic: str = COMPILED,
+) -> Estimates: ...
 
 
 @knows_arguments(

@@ -57,7 +57,8 @@ FAULTS = {
 #: Kinds that meet the other steps of the search.
 MORE = [
     'losses in bursts', 'jitter', 'stamps backward', 'frozen', 'unit', 'clock offset', 'quantised',
-    'noise too large', 'process noise too small', 'stamps zero',
+    'noise too large', 'process noise too small', 'stamps zero', 'delay', 'outliers',
+    'disturbance', 'first belief too narrow', 'process noise too large',
 ]  # fmt: skip
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from thorough import thorough
 from tools.doctor_score.recordings import Injection, recorded
 
 from kalman_ros.analysis.diagnosis import common_noise, leftover, saturation, stretch
@@ -68,7 +69,8 @@ def test_it_is_found_on_a_spring(spring, name, change, kind):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ('change', 'kind'), [(uneven, 'asymmetric scale'), (clipped, 'saturated'), (dead, 'dead zone')]
+    ('change', 'kind'),
+    [(uneven, 'asymmetric scale'), thorough(clipped, 'saturated'), thorough(dead, 'dead zone')],
 )
 def test_it_is_found_on_a_cart(cart, change, kind):
     assert first(edited(cart, 'joint_states', change)) == (kind, 'joint_states.x')

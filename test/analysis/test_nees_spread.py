@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from thorough import thorough
+from thorough import mostly_thorough, thorough
 
 from kalman_ros import scenario
 from kalman_ros.analysis.nees_spread import average_nees
@@ -82,7 +82,10 @@ def test_correlated_errors_count_for_fewer_whatever_their_size():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(('scale', 'inside'), [(1.0, True), (0.01, False), (50.0, False)])
-@pytest.mark.parametrize('name', ['diff_drive', 'mass_spring_damper', 'constant_velocity'])
+@pytest.mark.parametrize(
+    'name',
+    mostly_thorough(['diff_drive', 'mass_spring_damper', 'constant_velocity'], 'diff_drive'),
+)
 def test_the_window_of_the_monitor_notices_a_covariance_that_is_wrong(name, scale, inside):
     built = scenario.build({'model': name})
     gain = regulator(built)[0].gain if built.law else None

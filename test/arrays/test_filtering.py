@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """``kr.filter``: the online engine on arrays, in the shapes that people have."""
 
+import inspect
+import sys
+import typing
+
 import numpy as np
 import pytest
 
@@ -346,3 +350,13 @@ def test_readings_are_drawn_where_a_state_is_read_alone():
     plt.close('all')
     # the first row reads a sum, the second four times the speed
     assert dots == [[], [(0.5 * times).tolist()]]
+
+
+@pytest.mark.skipif(sys.version_info < (3, 11), reason='typing.get_overloads')
+def test_the_first_belief_of_a_model_has_no_default_in_the_signature():
+    of_scenario, of_model = map(inspect.signature, typing.get_overloads(kr.filter))
+    assert of_scenario.parameters['initial'].default is None
+    assert of_model.parameters['initial'].default is inspect.Parameter.empty
+    whole = inspect.signature(kr.filter).parameters
+    assert [*of_model.parameters] == [*whole]
+    assert {*of_scenario.parameters} == {*whole} - {'sensors'}

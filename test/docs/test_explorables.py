@@ -198,7 +198,12 @@ def test_margins_are_those_of_kr_and_of_doyle():
         assert loop['delay'] == pytest.approx(theirs.delay.value, rel=1e-9)
 
 
-@pytest.mark.parametrize('factor', [0.25, 0.5, 0.92, 0.94, 1.0, 1.009, 1.011, 2.0, 3.0])
+@pytest.mark.parametrize(
+    'factor',
+    mostly_thorough(
+        [0.25, 0.5, 0.92, 0.94, 1.0, 1.009, 1.011, 2.0, 3.0], 0.92, 0.94, 1.009, 1.011
+    ),
+)
 def test_a_loop_is_stable_where_its_poles_are(factor):
     code = 'margins.LOOPS.map((loop) => [loop.name, margins.changed(loop, d, 0).stable])'
     for name, stable in run(code, factor, ('margins',)):
@@ -528,6 +533,7 @@ def test_a_phone_shows_a_handle_and_its_effects_together(places):
     assert sentence(browser, 'modes') != before
 
 
+@pytest.mark.thorough
 def test_what_is_scrolled_to_is_drawn(places):
     browser = opened(places)
     for name in NAMES:

@@ -15,7 +15,7 @@ TUTORIALS = ROOT / 'docs' / 'tutorials'
 #: Pages that start nodes.
 WITH_NODES = ('test_scripts',)
 PAGES = [
-    pytest.param(page.stem, marks=[pytest.mark.slow] if page.stem in WITH_NODES else [])
+    pytest.param(page.stem, marks=[pytest.mark.thorough] if page.stem in WITH_NODES else [])
     for page in sorted(TUTORIALS.glob('*.md'))
     if '```python' in page.read_text()
 ]

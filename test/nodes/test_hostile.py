@@ -316,7 +316,7 @@ def parameters(node):
     return st.lists(known | st.tuples(st.just('nonsense'), VALUES), min_size=1, max_size=3)
 
 
-@pytest.mark.parametrize('name', list(NODES))
+@pytest.mark.parametrize('name', mostly_thorough(list(NODES), 'estimator', 'controller'))
 def test_any_value_of_a_parameter_while_it_runs(name, start, said):
     node = start(name)
 
@@ -333,7 +333,7 @@ def test_any_value_of_a_parameter_while_it_runs(name, start, said):
         hostile()
 
 
-@pytest.mark.parametrize('name', list(NODES))
+@pytest.mark.parametrize('name', mostly_thorough(list(NODES), 'estimator', 'plant'))
 def test_any_value_of_a_parameter_before_it_is_configured(name, start, said):
     complete = start(name, autostart='true')
     strategy = parameters(complete)

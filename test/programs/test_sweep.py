@@ -170,7 +170,9 @@ def test_workers_change_nothing(tmp_path):
     ('end', 'code', 'says'),
     [
         (KeyboardInterrupt(), 130, 'interrupted'),
-        (ValueError('workers: a process ended before its work did'), 1, 'workers: a process'),
+        thorough(
+            ValueError('workers: a process ended before its work did'), 1, 'workers: a process'
+        ),
     ],
 )
 @pytest.mark.parametrize(

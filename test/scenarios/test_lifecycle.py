@@ -65,7 +65,7 @@ def settles(run, node, direction, wanted):
     'node',
     mostly_thorough(
         ['plant', 'estimator', 'controller', 'monitor', 'microphone_array'],
-        'estimator', 'controller',
+        'controller',
     ),
 )  # fmt: skip
 def test_every_node_goes_through_every_state(node):

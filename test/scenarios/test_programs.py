@@ -130,7 +130,7 @@ def test_a_parameter_file_serves_the_whole_loop_and_a_typo_in_it_none(environmen
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize('node', mostly_thorough(NODES, 'estimator', 'controller'))
+@pytest.mark.parametrize('node', mostly_thorough(NODES, 'estimator'))
 def test_a_signal_ends_a_node_cleanly_also_twice(environment, node, number):
     process = start(environment, node)
     _wait_for_node(environment, process, node)
@@ -271,7 +271,7 @@ def test_the_demo_says_what_is_wrong(tmp_path, arguments, says):
     assert err.count('\n') == 1
 
 
-@pytest.mark.parametrize('name', mostly_thorough(NODES, 'plant', 'controller'))
+@pytest.mark.parametrize('name', mostly_thorough(NODES, 'plant'))
 def test_every_node_has_help(environment, name):
     arguments = ['--params-file', str(shipped.file('sound_tracker'))]
     code, output = finish(start(environment, name, '--help', '--ros-args', *arguments))

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from thorough import mostly_thorough
 
 import kalman_ros as kr
 from kalman_ros.arrays.loop_setup import Given, loop_of
@@ -46,7 +47,7 @@ def differences(a, b):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('name', NAMES)
+@pytest.mark.parametrize('name', mostly_thorough(NAMES, *NAMES[::3]))
 def test_runs_together_are_runs_one_by_one(name):
     experiment, seeds = experiment_of(name), spawned(3, 3)
     together = monte_carlo(experiment, seeds)

@@ -13,7 +13,7 @@ SEEDS = range(100_000, 100_080)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('seed', mostly_thorough(SEEDS, *SEEDS[:5]))
+@pytest.mark.parametrize('seed', mostly_thorough(SEEDS, *SEEDS[:2]))
 def test_hostile_input_breaks_no_promise(seed):
     with np.errstate(all='ignore'):
         assert sum(1 for _ in Episode(seed).run()) == 200
