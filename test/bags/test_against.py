@@ -2,6 +2,8 @@
 """A replay beside another estimator's output in the recording, and beside true poses."""
 
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -109,6 +111,9 @@ def test_the_program_prints_where_they_part_most_and_why(bag, tmp_path, capsys, 
     assert 'Poses beside others: RMS in m, headings in deg' in said
     assert 'odometry/filtered jumps by ' in said
     assert 'They part most at ' in said and ' sigma of the estimate' in said
+    page = (Path(__file__).parents[2] / 'docs' / 'how_to' / 'record_and_replay.md').read_text()
+    (shown,) = re.findall(r'^(They part most.*?)\n```$', page, re.M | re.S)
+    assert ' '.join(shown.split()) in said
     found = json.loads((tmp_path / 'out' / 'summary.json').read_text())['against']
     assert set(found) == {
         'estimate - truth', 'odometry/filtered - truth', 'estimate - odometry/filtered',

@@ -12,6 +12,7 @@ from kalman_ros.programs import export
 
 pytest.importorskip('casadi')
 EXAMPLES = Path(__file__).parents[2] / 'docs' / 'examples'
+PAGE = EXAMPLES.parent / 'how_to' / 'embedded.md'
 TOOLS = 'make', 'arm-none-eabi-gcc', 'qemu-system-arm'
 
 
@@ -32,6 +33,12 @@ def test_the_cart_pole_stands_on_an_emulated_board(tmp_path):
     assert poles[0] == 0.05
     assert len(poles) == 5
     assert abs(poles[-1]) < 1e-3
+    shown = re.search(r'LOOP=\S+ run\n(.*?)\n```', PAGE.read_text(), re.S)[1].splitlines()
+    lines = done.stdout.splitlines()
+    assert [line for line in shown[:2] if line not in lines] == []
+    # which compiler it was decides the number of instructions
+    ticks = int(re.search(r'takes (\d+) ticks', done.stdout)[1])
+    assert ticks == pytest.approx(int(re.search(r'takes (\d+) ticks', shown[-1])[1]), rel=0.2)
 
 
 @pytest.mark.slow

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every arrow between running, disabled and stopped, in the controller node."""
 
+from pathlib import Path
+
 import pytest
 
 pytest.importorskip('rclpy')
@@ -96,6 +98,8 @@ def test_the_service_stops_and_says_what_ends_it(pair):
     refused = ask(node, 'enable', SetBool, data=True)
     assert not refused.success
     assert refused.message == 'stopped (~/stop): call ~/reset first'
+    page = (Path(__file__).parents[2] / 'docs' / 'how_to' / 'stop.md').read_text()
+    assert f"... success={refused.success}, message='{refused.message}'\n" in page
     assert ask(node, 'reset', Trigger).message == 'not stopped; ~/enable lets it act'
     assert node._output.closed
     assert level(node).startswith('disabled')
