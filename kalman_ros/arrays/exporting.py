@@ -103,6 +103,14 @@ def export(
     ------
     ValueError
         If something cannot be exported; the message says what, and why.
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> kr.export('mass_spring_damper', 'spring_c', compile=False)
+    mass_spring_damper in spring_c: mass_spring_damper.h, mass_spring_damper.c,
+      check.c, Makefile, vectors.txt
+    not built
     """
     values: Mapping[str, Any] = {}
     if not isinstance(scenario, Scenario):

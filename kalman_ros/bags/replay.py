@@ -114,6 +114,18 @@ def replay(
     ------
     ValueError
         If the recording, the parameters or a topic cannot be used; one line gives the reason.
+
+    Examples
+    --------
+    Of half a minute in the folder ``monday``:
+
+    >>> import kalman_ros as kr
+    >>> replayed = kr.replay('monday', 'mass_spring_damper')
+    >>> replayed.beliefs.mean.shape
+    (3602, 2)
+    >>> position = replayed.sensors['position']
+    >>> position.fused, round(float(position.nis.mean()), 2)
+    (601, 1.07)
     """
     configured = estimator_settings(scenario, overrides)
     return replay_bag(

@@ -70,6 +70,15 @@ class Run(LaunchedNodes):
     recording
         A folder for a recording of all these topics, in the format of rosbag2; an earlier one in
         it is replaced.
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> with kr.Run('mass_spring_damper') as run:
+    ...     run.advance(10.0)
+    ...     found = run.trajectory()
+    >>> found.estimate.shape, found.covariance[-1].diagonal().round(4)
+    ((1001, 2), array([0.0004, 0.0126]))
     """
 
     def __init__(
