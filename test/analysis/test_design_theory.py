@@ -404,6 +404,7 @@ def test_another_filter_than_the_one_reported_is_said():
     assert any('luenberger' in note for note in notes(report(build(filter='luenberger'))))
 
 
+@pytest.mark.slow
 def test_integral_action_is_reported_as_what_it_is():
     found = report(build(law='lqi'))
     law, dt = found.regulator.feedback, 0.01

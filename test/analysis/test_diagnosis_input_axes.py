@@ -32,6 +32,7 @@ def euler_in(sentence):
     return [float(a) for a in sentence.split('rotation: [')[1].split(']')[0].split(',')]
 
 
+@pytest.mark.slow
 def test_what_acts_as_commanded_has_its_axes(plane, space):
     assert not input_axes.find(Examination(plane))
     assert not input_axes.find(Examination(space))
@@ -44,6 +45,7 @@ def test_two_inputs_that_are_exchanged(plane):
     assert 'f_x and f_y' in finding.sentence
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('angle', [1.0, -1.4])
 def test_a_force_that_is_turned_in_its_plane(plane, angle):
     turned = Examination(input_axes.mixed(plane, rotation(-angle)))

@@ -32,6 +32,7 @@ def test_missing_steps_are_not_taken_for_wrong_ones(missing, seed):
         ]
 
 
+@pytest.mark.slow
 def test_a_wrong_gain_is_still_seen_among_gaps():
     built = scenario.build({'model': 'mass_spring_damper'})
     theory = verdicts.theory(built)

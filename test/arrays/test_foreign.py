@@ -168,6 +168,7 @@ def systems():
     return [*found, control.ss(A, B, C, D), control.tf([1], [1, 0.5, 2])]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('system', systems(), ids=lambda system: type(system).__name__)
 def test_a_system_is_a_system_everywhere(system):
     """Its states may be others, but what goes from inputs to outputs is the same."""

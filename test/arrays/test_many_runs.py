@@ -23,6 +23,7 @@ def test_errors_and_cost_are_those_of_theory(many):
     assert not many.lost.any() and set(many.nis) == {'position', 'velocity'}
 
 
+@pytest.mark.slow
 def test_a_run_again_is_simulate_with_its_seed(many):
     run = many.run(7)
     same = kr.simulate(seconds=12, seed=many.seeds[7])

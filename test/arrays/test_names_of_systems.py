@@ -57,6 +57,7 @@ def test_the_gain_of_an_observer_by_another_letter():
         kr.lqe([[0, 1], [0, 0]], [1, 0], [0, 1], 1).K  # noqa: B018
 
 
+@pytest.mark.slow
 def test_what_is_printed_is_an_attribute():
     run = kr.simulate(seconds=1.0)
     for i, row in enumerate(repr(run).splitlines()[2:6]):

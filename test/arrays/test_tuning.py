@@ -93,6 +93,7 @@ def test_the_nile_with_gaps_from_a_diffuse_start():
     assert fitted.values['q'] == pytest.approx(685.82, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('seed', range(3))
 @pytest.mark.parametrize('kind', ['llevel', 'lltrend'])
 def test_statsmodels_agrees_on_random_structural_models(kind, seed):

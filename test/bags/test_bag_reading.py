@@ -354,6 +354,7 @@ def consume(path):
     return ''
 
 
+@pytest.mark.slow
 @FILES
 @given(which=st.integers(0, 3), share=st.floats(0.0, 1.0))
 def test_a_truncated_recording_is_read_as_far_as_it_goes_or_refused(

@@ -7,6 +7,7 @@ import pytest
 from kalman_ros.control.identification import fit
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     'M', [np.array([[0.9, 0.3], [0.0, 0.5]]), np.array([[0.8, 0.4], [-0.4, 0.8]])]
 )

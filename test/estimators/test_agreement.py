@@ -179,6 +179,7 @@ def located(start, seed):
     return np.sqrt(np.mean(np.square(errors[30:]))), online
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('seed', range(4))
 def test_of_many_landmarks_each_counts(seed):
     P = np.diag([0.05, 0.05, 0.1]) ** 2

@@ -252,6 +252,7 @@ def rows_of(run):
     return times, {name: each.values for name, each in run.readings.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', ['inertial', 'robot_3d'])
 def test_a_place_in_space_may_be_unknown(name):
     robot = kr.load(name)

@@ -295,6 +295,7 @@ def test_what_is_no_covariance_is_not_repaired(P):
         cholesky(P)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('implementation', ['native', 'filterpy'])
 @pytest.mark.parametrize('kind', ['ekf', 'ukf'])
 def test_a_long_step_is_as_uncertain_as_many_short_ones_make_it(kind, implementation):

@@ -89,6 +89,7 @@ def test_each_part_of_the_range_is_as_uncertain_relative_to_it_as_the_next():
     assert (widths[1:] <= (ratio - 1.0) / np.sqrt(12.0)).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('rho', [0.0, 0.7])
 def test_a_belief_is_divided_where_the_second_order_term_counts(rho):
     """Sampling confirms the term, that of a bearing in closed form, and when it is small."""

@@ -45,6 +45,7 @@ def least_squares(system, prior, stamps, inputs, readings):
     return means, np.array(blocks)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('filter', ['kf', 'ekf', 'ukf'])
 @pytest.mark.parametrize('seed', first_fast(range(5), 2))
 def test_it_is_batch_least_squares(seed, filter):

@@ -180,6 +180,7 @@ def test_the_units_of_the_states_change_no_gain(design):
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-8 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('design', DESIGNS)
 def test_a_gain_in_absurd_units_is_right_or_refused(design):
     for seed in range(6):

@@ -57,6 +57,7 @@ def test_limits_idle_input_and_options_of_the_file_are_carried(tmp_path):
         assert expected in text
 
 
+@pytest.mark.slow
 def test_the_path_of_a_file_becomes_a_table(tmp_path):
     source = Path(__file__).parents[2] / 'docs' / 'examples' / 'robot_on_a_path.yaml'
     shorter = tmp_path / 'robot.yaml'
@@ -148,6 +149,7 @@ def test_single_precision_is_refused_where_it_is_coarse(tmp_path):
     assert kr.export(north, tmp_path / 'double', control=False, compile=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('seconds', [-1.0, np.nan, np.inf])
 def test_a_transition_is_a_time(tmp_path, seconds):
     with pytest.raises(ValueError, match='^transition_time: expected at least 0 s, got'):

@@ -99,6 +99,7 @@ def track(axis, colour):
     return np.vstack([*(piece[:-1] for piece in pieces[:-1]), pieces[-1]])
 
 
+@pytest.mark.slow
 def test_a_map_has_the_track_ellipses_and_bearings(tracked, tmp_path):
     built, run = tracked
     axis = route(built, run, tmp_path / 'map.png')

@@ -67,6 +67,7 @@ def test_dropout(probability):
     assert abs(both / N - p**2) < 4.0 * np.sqrt(variance / N)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('begins', 'length'), [(0.02, 10.0), (0.1, 3.0), (0.05, 1.0)])
 def test_losses_come_in_bursts_of_the_length_that_is_asked_for(begins, length):
     n = 40_000

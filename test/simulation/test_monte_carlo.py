@@ -96,6 +96,7 @@ FAULTS = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('fault', FAULTS)
 def test_faults_too(fault):
     experiment, seeds = experiment_of('mass_spring_damper_2d', FAULTS[fault]), spawned(3, 3)

@@ -68,6 +68,7 @@ def test_only_clean_recordings_are_without_a_fault() -> None:
         assert recording.kind == 'clean' or (changed and recording.subject), recording.name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('system', SYSTEMS)
 def test_a_short_recording_is_the_same_again_and_is_read(system: str, tmp_path: Path) -> None:
     recording = shortened(RECORDINGS[f'{system}_clean'])
