@@ -65,7 +65,7 @@ class Examination:
         """Spectral density (n, n) of each parameter of the process noise, by name."""
         model, x = self.evidence.scenario.model, self.passage.events[-1].x
         by_parameter = {}
-        for parameter, other, size in varied(self.evidence):
+        for parameter, size, other, _ in varied(self.evidence):
             change = (other.noise_density(x) - model.noise_density(x)) / size
             if 'noise' in parameter.name and np.any(change):
                 by_parameter[parameter.name] = change * parameter.value

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from kalman_ros.scenario.body_roles import body_of
 from kalman_ros.scenario.lever_arm import LeverArm
 
 from .evidence import Evidence
-from .parameters import STEP, varied
+from .parameters import STEP, Varied, varied
 from .passage import Passage
 from .responses import Columns
 
@@ -39,16 +39,20 @@ def columns(evidence: Evidence, passage: Passage, tones: Array | None = None) ->
     ``tones`` has one frequency (Hz) for each input, of a sine that may be added to the input.
     """
     labels: list[tuple[str, ...]] = []
-    readings = {}
+    readings, numbers = {}, [*varied(evidence)]
     for name in dict.fromkeys(event.sensor for event in passage.events):
         block, sensor_labels = _sensor_columns(evidence, passage, name)
-        readings[name] = (len(labels), block)
+        readings[name] = [(len(labels), block)]
         labels += sensor_labels
-    parts = [part for part in _state_columns(evidence, passage, tones) if part[1].shape[2]]
+    states = _state_columns(evidence, passage, tones, numbers)
+    parts = [part for part in states if part[1].shape[2]]
     state = np.concatenate([block for _, block in parts], axis=2)
-    return Columns(
-        [*labels, *(label for part_labels, _ in parts for label in part_labels)], readings, state
-    )
+    labels += [label for part_labels, _ in parts for label in part_labels]
+    for name, blocks in readings.items():
+        if any(name in each.sensors for each in numbers):
+            added = _read_parameters(evidence, passage, name, numbers)
+            blocks.append((len(labels) - len(numbers), added))
+    return Columns(labels, readings, state)
 
 
 def _sensor_columns(
@@ -108,9 +112,12 @@ def displaced(scenario: Scenario, name: str, X: Array) -> Array | None:
 
 
 def _state_columns(
-    evidence: Evidence, passage: Passage, tones: Array | None
+    evidence: Evidence, passage: Passage, tones: Array | None, numbers: Sequence[Varied]
 ) -> Iterator[tuple[list[tuple[str, ...]], Array]]:
-    """Yield the columns of the initial belief, the inputs and the parameters, with labels."""
+    """Yield the columns of the initial belief, the inputs and the parameters, with labels.
+
+    The last ones are those of the ``numbers``, in their order.
+    """
     model, n, E = evidence.scenario.model, evidence.scenario.model.state.size, len(passage.events)
     first = np.zeros((E, n, n))
     first[0] = np.diag(evidence.scenario.initial_belief.std)
@@ -126,11 +133,26 @@ def _state_columns(
         )
     names: list[tuple[str, ...]] = []
     blocks: list[Array] = []
-    for parameter, varied_model, size in varied(evidence):
-        change = (varied_model.time_derivative(X, U) - model.time_derivative(X, U)) / size
+    rates = model.time_derivative(X, U)
+    for parameter, size, changed, _ in numbers:
+        change = (changed.time_derivative(X, U) - rates) / size if changed is not model else 0.0
         names.append(('parameter', parameter.name))
-        blocks.append(change * dt[:, None])
+        blocks.append(change * dt[:, None] * np.ones((E, n)))
     yield names, np.stack(blocks, axis=2) if blocks else np.zeros((E, n, 0))
+
+
+def _read_parameters(
+    evidence: Evidence, passage: Passage, name: str, numbers: Sequence[Varied]
+) -> Array:
+    """Return what each parameter changes in the readings of a sensor (N, k, P)."""
+    X = np.array([passage.events[i].x for i in passage.of(name)])
+    sensor = evidence.scenario.sensors[name].sensor
+    values, block = sensor.measure(X), np.zeros((len(X), sensor.output.size, len(numbers)))
+    for index, (_, size, _, sensors) in enumerate(numbers):
+        if name in sensors:
+            changed = sensors[name].measure(X)
+            block[:, :, index] = sensor.output.subtract(changed, values) / size
+    return block
 
 
 def effect(model: Dynamics, X: Array, U: Array, index: int) -> Array:

@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The numbers of a model that a recording may contradict."""
+"""The numbers of the model and of the sensors that a recording may contradict."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any, NamedTuple
 
-from kalman_ros.core import Dynamics, options_of
-from kalman_ros.scenario.declarations import model_of
+from kalman_ros import sensors
+from kalman_ros.core import Dynamics, Sensor, options_of
+from kalman_ros.scenario.building import complete, rebuild
+from kalman_ros.scenario.declarations import model_of, options, sensor_names
 from kalman_ros.scenario.parameter_files import section
 from kalman_ros.scenario.wiring import system
 
@@ -18,6 +20,7 @@ from .evidence import Evidence
 STEP = 1e-4
 #: Largest number of entries of a list that are varied.
 _LONGEST = 36
+_MODEL = 'model_parameters'
 
 
 class Parameter(NamedTuple):
@@ -26,11 +29,11 @@ class Parameter(NamedTuple):
     Parameters
     ----------
     name
-        Its name in the file, such as ``mass``, ``A[3]`` or ``noise_density``.
+        Its name: ``mass``, ``A[3]`` or ``noise_density`` of the model, ``imu.radius`` of a sensor.
     value
         Its value; 1 for the factor of a list.
     given
-        Function of a value, which returns what the file then has, by name.
+        Function of a value, which returns what the file then has, by full name.
     """
 
     name: str
@@ -39,31 +42,74 @@ class Parameter(NamedTuple):
 
     def change(self, value: float) -> dict[str, Any]:
         """Return the change of the parameter file to a value, rounded."""
-        return {f'model_parameters.{key}': _rounded(new) for key, new in self.given(value).items()}
+        return {key: _rounded(new) for key, new in self.given(value).items()}
+
+
+class Varied(NamedTuple):
+    """A parameter with a value that is larger by ``size``.
+
+    Parameters
+    ----------
+    parameter, size
+        The parameter, and the change of its value.
+    model, sensors
+        The model with that value, and the sensors that it changes, by name.
+    """
+
+    parameter: Parameter
+    size: float
+    model: Dynamics
+    sensors: Mapping[str, Sensor]
 
 
 def parameters(evidence: Evidence) -> Iterator[Parameter]:
-    """Yield the numbers of the model."""
-    values = section(evidence.parameters, 'model_parameters')
-    for option in options_of(system(str(evidence.parameters.get('model', ''))).build):
-        yield from _numbers(option.name, values.get(option.name, option.default))
+    """Yield the numbers of the model and of the sensors.
+
+    A number of the model and that of a sensor are one if name and value are the same.
+    """
+    full = _complete(evidence)
+    of_model = [option.name for option in options_of(system(str(full['model'])).build)]
+    of_sensors = [
+        (f'{name}.{option.name}', option.name)
+        for name in sensor_names(full['sensors'])
+        for option in sensors.options(full[f'{name}.kind'])
+    ]
+    shared = set()
+    for key in of_model:
+        value = full[f'{_MODEL}.{key}']
+        also = [name for name, its in of_sensors if its == key and full[name] == value]
+        shared.update(also)
+        yield from _numbers(key, value, [f'{_MODEL}.{key}', *also])
+    for name, _ in of_sensors:
+        if name not in shared:
+            yield from _numbers(name, full[name], [name])
 
 
-def _numbers(key: str, value: Any) -> Iterator[Parameter]:
+def _complete(evidence: Evidence) -> dict[str, Any]:
+    """Return a value for every parameter of the scenario."""
+    return complete(evidence.parameters, options(evidence.parameters, with_law=False))
+
+
+def _numbers(name: str, value: Any, keys: list[str]) -> Iterator[Parameter]:
+    """Yield the numbers of a value that stands in the file under each of ``keys``."""
     if _is_number(value):
-        yield Parameter(key, float(value), lambda new: {key: new})
-    elif isinstance(value, list) and all(map(_is_number, value)) and 'noise' in key:
-        yield Parameter(key, 1.0, lambda factor: {key: [factor * each for each in value]})
+        yield Parameter(name, float(value), lambda new: dict.fromkeys(keys, new))
+    elif isinstance(value, list) and all(map(_is_number, value)) and 'noise' in name:
+        yield Parameter(name, 1.0, partial(_multiplied, keys, value))
     elif isinstance(value, list) and all(map(_is_number, value)) and len(value) <= _LONGEST:
         for index, entry in enumerate(value):
             if entry != 0.0:
                 yield Parameter(
-                    f'{key}[{index}]', float(entry), partial(_with_entry, key, value, index)
+                    f'{name}[{index}]', float(entry), partial(_with_entry, keys, value, index)
                 )
 
 
-def _with_entry(key: str, value: list[float], index: int, new: float) -> dict[str, Any]:
-    return {key: [*value[:index], new, *value[index + 1 :]]}
+def _multiplied(keys: list[str], value: list[float], factor: float) -> dict[str, Any]:
+    return {key: [factor * each for each in value] for key in keys}
+
+
+def _with_entry(keys: list[str], value: list[float], index: int, new: float) -> dict[str, Any]:
+    return {key: [*value[:index], new, *value[index + 1 :]] for key in keys}
 
 
 def _is_number(value: Any) -> bool:
@@ -77,17 +123,24 @@ def _rounded(value: Any) -> Any:
 
 
 def parameter(evidence: Evidence, name: str) -> Parameter:
-    """Return the number of the model with a name."""
+    """Return the number with a name."""
     return next(each for each in parameters(evidence) if each.name == name)
 
 
-def varied(evidence: Evidence) -> Iterator[tuple[Parameter, Dynamics, float]]:
-    """Yield each number of the model, the model with a changed value, and the change."""
-    values = section(evidence.parameters, 'model_parameters')
-    declaration = system(str(evidence.parameters.get('model', '')))
+def varied(evidence: Evidence) -> Iterator[Varied]:
+    """Yield each number with a changed value."""
+    scenario, full = evidence.scenario, _complete(evidence)
+    declaration = system(str(full['model']))
     for each in parameters(evidence):
         size = STEP * (abs(each.value) or 1.0)
+        changed = {**full, **each.given(each.value + size)}
+        names = [key for key in each.given(each.value) if not key.startswith(f'{_MODEL}.')]
         try:
-            yield each, model_of(declaration, {**values, **each.given(each.value + size)}), size
+            model = scenario.model
+            if len(names) < len(each.given(each.value)):
+                model = model_of(declaration, section(changed, _MODEL))
+            sources = rebuild(scenario, changed, names).sensors
         except ValueError:
             continue
+        at = {key.partition('.')[0] for key in names}
+        yield Varied(each, size, model, {name: sources[name].sensor for name in at})

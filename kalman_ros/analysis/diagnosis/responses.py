@@ -15,6 +15,7 @@ the columns are the regressors of the whitened innovations, which are N(0, 1) wi
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -34,14 +35,14 @@ class Columns:
     labels
         Label of each column: (family, subject, detail).
     readings
-        Effect of the columns ``first`` to ``first + p`` on the readings, by sensor: (first,
-        (E, k, p)) in the order of the events of the sensor.
+        Effects of the columns ``first`` to ``first + p`` on the readings, by sensor: several
+        (first, (E, k, p)) in the order of the events of the sensor.
     state
         Effect of the last columns on the state over the step to each event (E, n, p).
     """
 
     labels: Sequence[tuple[str, ...]]
-    readings: Mapping[str, tuple[int, Array]]
+    readings: Mapping[str, Sequence[tuple[int, Array]]]
     state: Array
 
 
@@ -108,17 +109,17 @@ def responses(passage: Passage, columns: Columns) -> Responses:
     p, n = len(columns.labels), columns.state.shape[1]
     first_state = p - columns.state.shape[2]
     error = np.zeros((n, p))
-    seen = dict.fromkeys(columns.readings, 0)
+    seen = Counter[str]()
     e = np.concatenate([np.zeros(0), *passage.whitened])
     Z, row = np.zeros((len(e), p)), 0
     for event, added in zip(passage.events, columns.state):
         error = event.F.dot(error)
         error[:, first_state:] += added
         response = event.H.dot(error)
-        first, readings = columns.readings[event.sensor]
         row_of_sensor = seen[event.sensor]
-        seen[event.sensor] = row_of_sensor + 1
-        response[:, first : first + readings.shape[2]] += readings[row_of_sensor]
+        seen[event.sensor] += 1
+        for first, readings in columns.readings.get(event.sensor, ()):
+            response[:, first : first + readings.shape[2]] += readings[row_of_sensor]
         error -= event.K.dot(response)
         event.white.dot(response, out=Z[row : row + len(response)])
         row += len(response)

@@ -87,19 +87,14 @@ def _find_offset(case: Examination) -> list[Finding]:
 
 def _offsets(case: Examination, name: str, index: int, limits: Array) -> tuple[Array, Array]:
     """Return gradient (B,) and information (B, B) of offsets of a coordinate in pieces."""
-    readings = {}
-    for sensor in dict.fromkeys(event.sensor for event in case.passage.events):
-        events = [case.passage.events[i] for i in case.passage.of(sensor)]
-        count = len(limits) - 1 if sensor == name else 0
-        block = np.zeros((len(events), len(events[0].innovation), count))
-        if count:
-            pieces = np.searchsorted(limits, [event.time for event in events], 'right') - 1
-            rows = np.flatnonzero((pieces >= 0) & (pieces < count))
-            block[rows, index, pieces[rows]] = 1.0
-        readings[sensor] = (0, block)
+    events = [case.passage.events[i] for i in case.passage.of(name)]
+    block = np.zeros((len(events), len(events[0].innovation), len(limits) - 1))
+    pieces = np.searchsorted(limits, [event.time for event in events], 'right') - 1
+    rows = np.flatnonzero((pieces >= 0) & (pieces < len(limits) - 1))
+    block[rows, index, pieces[rows]] = 1.0
     state = np.zeros((len(case.passage.events), len(case.passage.events[0].x), 0))
     labels = [(str(piece),) for piece in range(len(limits) - 1)]
-    found = responses(case.passage, Columns(labels, readings, state))
+    found = responses(case.passage, Columns(labels, {name: [(0, block)]}, state))
     return found.gradient, found.information
 
 
