@@ -141,8 +141,9 @@ def loop(
         raise ValueError(f'max_gap: expected at most {_LONGEST_GAP:g} s for C')
     if not 0 <= policy.recover_after <= _MOST_REJECTIONS:
         raise ValueError(f'gate_recover_after: expected at most {_MOST_REJECTIONS} for C')
-    if policy.from_reading:
-        raise ValueError('initialize: expected belief, got reading, which C does not have')
+    if policy.from_reading or policy.from_rest:
+        start = 'reading' if policy.from_reading else 'rest'
+        raise ValueError(f'initialize: expected belief, got {start}, which C does not have')
     if policy.rest_until_input:
         raise ValueError('rest_until_input: expected false, which is all that C has')
     for name, source in scenario.sensors.items():

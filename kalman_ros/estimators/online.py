@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -28,7 +29,7 @@ from .filter import Correction, Filter, committed
 from .gate import Gate
 from .outcome import Outcome
 from .policy import Policy
-from .start import match_reading
+from .start import likeliest, match_reading, rested
 from .timeline import Arrival, Item, State, Timeline
 
 #: Old readings mean that the clock went back only if no reading was current for this long, in
@@ -309,13 +310,15 @@ class OnlineEstimator:
             item.restarted = expired
             self.restarts += 1 if expired else -1
         if item.sensor is None:
+            if (state.u is None or state.u is self._zero) and self._rests(belief, item):
+                with suppress(np.linalg.LinAlgError):
+                    belief, more = committed(rested(belief, item.value, item.filter.model))
+                    repairs += more
             item.after = State(time, belief, item.value, state.records, repairs)
             return item.after
         records = state.records
         try:
-            first = state.time is None and self._policy.from_reading
-            first = first and not isinstance(belief, Diffuse)
-            start = match_reading(belief, item.value, item.sensor) if first else belief
+            start = self._started(belief, item, state)
             item.outcome, item.correction, records = self._gate(
                 item.filter, start, item.value, item.sensor, (time, order), records
             )
@@ -327,6 +330,21 @@ class OnlineEstimator:
             records = agreement.replaced(records, order, records[order].after(time, None))
         item.after = State(time, belief, state.u, records, repairs)
         return item.after
+
+    def _started(self, belief: Gaussian, item: Item, state: State) -> Gaussian:
+        """Return the belief with its mean moved by a first reading, if it starts from that."""
+        assert item.sensor is not None
+        if state.records[item.key[1]].time is None and self._rests(belief, item):
+            found = likeliest(belief, item.value, item.sensor, item.filter.model)
+            return belief._replace(mean=found.mean)
+        if self._policy.from_reading and state.time is None and not isinstance(belief, Diffuse):
+            return match_reading(belief, item.value, item.sensor)
+        return belief
+
+    def _rests(self, belief: Gaussian, item: Item) -> bool:
+        """Return whether a belief starts at rest: one that the first items may move."""
+        fixed = item.filter.fixed_gain or item.filter.mixture
+        return self._policy.from_rest and not fixed and not isinstance(belief, Diffuse)
 
 
 def _is_covariance(R: Array, size: int) -> bool:

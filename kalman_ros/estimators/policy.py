@@ -38,6 +38,9 @@ class Policy:
     from_reading
         Whether to start from the first reading, taken as exact (`start`). States that the reading
         does not see keep the initial belief.
+    from_rest
+        Whether to start at rest: under the first input the state does not change, and the first
+        reading of each sensor is fused by an iterated filter (`start`).
     rest_until_input
         Whether the state is constant until the first input, which sets it in motion. Until then
         readings correct the belief, and time does not change it.
@@ -52,4 +55,5 @@ class Policy:
     max_gap: float = 60.0
     future_tolerance: float = 1.0
     from_reading: bool = False
+    from_rest: bool = False
     rest_until_input: bool = False

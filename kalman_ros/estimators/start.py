@@ -1,12 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The initial belief from the first reading."""
+"""The initial belief from the first reading, or from a body that rests."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
-from kalman_ros.core import Array, Gaussian, Sensor
+from kalman_ros.core import Array, Dynamics, Gaussian, Sensor, Space
 
+from .filters.iterated_ekf import IteratedExtendedKalmanFilter
+
+#: Deviation of a rate at rest, in units of the state by s, and the seconds of noise in it.
+_AT_REST, _SAMPLE = 0.1, 0.01
+#: Deviation of an angle or a rotation, in rad, from which on it may be the opposite one.
+_ANY = 1.0
 #: Limits of the iterations, and of the halvings of a step that does not reduce the distance.
 _MOST_STEPS, _MOST_HALVINGS = 50, 30
 #: The iteration stops below this sum of squared residuals, in standard deviations.
@@ -47,3 +55,67 @@ def match_reading(belief: Gaussian, y: Array, sensor: Sensor) -> Gaussian:
         if sensor.linear or away < _CLOSE:
             break
     return belief._replace(mean=x)
+
+
+class Rest(Sensor):
+    """A reading of the rate of change of the state under an input, which is zero at rest."""
+
+    def __init__(self, model: Dynamics, x: Array, u: Array) -> None:
+        self._model, self._u = model, u
+        self.output, self.state, self.linear = (
+            Space(model.state.names),
+            model.state,
+            model.is_linear,
+        )
+        noise = np.diagonal(model.noise_density(x)) / _SAMPLE
+        self.covariance = np.diag(_AT_REST**2 + noise)
+
+    def measure(self, x: Array) -> Array:
+        """Return dx/dt (..., n)."""
+        u = np.broadcast_to(self._u, (*x.shape[:-1], *self._u.shape))
+        return self._model.time_derivative(x, u)
+
+
+def rested(belief: Gaussian, u: Array, model: Dynamics) -> Gaussian:
+    """Return the belief of a state that does not change under its first input ``u`` (m,).
+
+    With an accelerometer as the input it has the tilt.
+    """
+    return likeliest(belief, np.zeros(model.state.size), Rest(model, belief.mean, u), model)
+
+
+def likeliest(belief: Gaussian, y: Array, sensor: Sensor, model: Dynamics) -> Gaussian:
+    """Return the belief given a reading ``y`` (k,), by an iterated filter.
+
+    What is turned by any angle may be turned the other way, from where the iteration does not
+    arrive: it begins there, too.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If a covariance cannot be inverted.
+    """
+    solver, space = IteratedExtendedKalmanFilter(model), model.state
+    weight = np.linalg.pinv(belief.covariance)
+
+    def misfit(found: Gaussian) -> float:
+        v = sensor.output.subtract(y, sensor.measure(found.mean))
+        d = space.subtract(found.mean, belief.mean)
+        distance = float(v @ np.linalg.solve(sensor.covariance, v) + d @ weight @ d)
+        return distance if np.isfinite(distance) else np.inf
+
+    found = [
+        solver.correct(belief._replace(mean=mean), y, sensor).posterior
+        for mean in (belief.mean, *_turned(belief, space))
+    ]
+    return min(found, key=misfit)
+
+
+def _turned(belief: Gaussian, space: Space) -> Iterator[Array]:
+    """Yield the means (n,) with an unknown angle or rotation turned by half a turn."""
+    for place in space.turns:
+        values, axes = np.linalg.eigh(belief.covariance[place, place])
+        for axis in axes.T[values > _ANY**2]:
+            d = np.zeros(space.size)
+            d[place] = np.pi * axis
+            yield space.add(belief.mean, d)

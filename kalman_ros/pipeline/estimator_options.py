@@ -50,7 +50,7 @@ class EstimatorOptions(NodeOptions):
         float,
         About('predicted estimates a second; 0: one per reading', 'Hz', minimum=0.0, maximum=1e4),
     ] = 0.0
-    initialize: Annotated[str, About("start from the initial 'belief' or first 'reading'")] = (
+    initialize: Annotated[str, About("start from 'belief', 'reading' (the first) or 'rest'")] = (
         'belief'
     )
     rest_until_input: Rest = False

@@ -10,7 +10,7 @@ import numpy as np
 from kalman_ros.compiled import is_available
 from kalman_ros.compiled.parts import COMPILED, IN_C, NUMPY
 from kalman_ros.core import Array, Gaussian, Sensor, Value, is_finite
-from kalman_ros.estimators import NATIVE
+from kalman_ros.estimators import NATIVE, filter_class
 from kalman_ros.estimators.diffuse import begun, known_part
 from kalman_ros.estimators.filter import Filter
 from kalman_ros.estimators.policy import Policy
@@ -68,8 +68,13 @@ def _in_c(
 
 def policy(scenario: Scenario, options: EstimatorOptions) -> Policy:
     """Return the treatment of imperfect data by an estimator with these options."""
-    if options.initialize not in ('belief', 'reading'):
-        raise ValueError(f"initialize: expected belief or reading, got '{options.initialize}'")
+    if options.initialize not in ('belief', 'reading', 'rest'):
+        raise ValueError(
+            f"initialize: expected belief, reading or rest, got '{options.initialize}'"
+        )
+    kind = filter_class(scenario.filter)
+    if options.initialize == 'rest' and (kind.fixed_gain or kind.mixture):
+        raise ValueError(f'initialize: rest is not for {scenario.filter}, which has no such start')
     rests = options.rest_until_input and not options.lockstep and bool(scenario.input.fields)
     return Policy(
         window=options.window,
@@ -78,6 +83,7 @@ def policy(scenario: Scenario, options: EstimatorOptions) -> Policy:
         max_gap=options.max_gap,
         future_tolerance=options.future_tolerance,
         from_reading=options.initialize == 'reading',
+        from_rest=options.initialize == 'rest',
         rest_until_input=rests,
     )
 

@@ -50,7 +50,16 @@ def test_the_attitude_is_nearer_than_that_of_published_filters(tmp_path):
     attitude, gravity, (north, up) = hand.at_rest()
     file = tmp_path / 'hand.yaml'
     file.write_text(HAND % (gravity, north, up, *attitude))
-    beliefs = replay(hand.bag(tmp_path / 'bag'), file).beliefs
+    bag = hand.bag(tmp_path / 'bag')
+    judge(hand, replay(bag, file).beliefs)
+    # the same from a guess that is upside down, since it rests at first
+    file.write_text(HAND % (gravity, north, up, 2.5, 1.0, -0.7))
+    unknown = [0.05] * 3 + [2.0] * 3 + [0.05] * 3 + [0.02] * 3 + [0.1] * 3
+    judge(hand, replay(bag, file, {'initialize': 'rest', 'initial_std': unknown}).beliefs)
+
+
+def judge(hand, beliefs):
+    """Compare the attitude with the optical one."""
     # the first input is that of the time before the first truth
     index = np.round(beliefs.time / hand.dt).astype(int) - 1
     use = hand.counts[index]

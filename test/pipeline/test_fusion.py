@@ -46,5 +46,7 @@ def test_only_in_real_time_does_a_body_rest_until_its_input(scenario, lockstep, 
 
 
 def test_another_start_is_refused():
-    with pytest.raises(ValueError, match="^initialize: expected belief or reading, got 'zero'"):
+    with pytest.raises(
+        ValueError, match="^initialize: expected belief, reading or rest, got 'zero'"
+    ):
         policy(PUSHED, replace(PLAIN, initialize='zero'))

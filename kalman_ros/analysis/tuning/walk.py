@@ -13,7 +13,7 @@ from kalman_ros.core import Array, Gaussian, Sensor, Space, in_continuous_time, 
 from kalman_ros.core.candidates import candidate_model, candidate_sensor
 from kalman_ros.estimators.diffuse import Diffuse, begun
 from kalman_ros.estimators.policy import Policy
-from kalman_ros.estimators.start import match_reading
+from kalman_ros.estimators.start import likeliest, match_reading, rested
 
 from .candidate import Candidate, Part, candidate_filter
 from .earlier import SAFE, Earlier, corrected
@@ -122,7 +122,7 @@ class Walk:
         self._sensors_by_key: dict[tuple[int, bool, bytes, bytes], Sensor] = {}
         self._rejections = [0] * len(self._names)
         self._belief = self._initial_belief()
-        self._at_start = True
+        self._started: set[int] = set()
         self._corrected = 0
 
     def _width(self, name: str) -> int:
@@ -157,11 +157,14 @@ class Walk:
         for event in events:
             if event.time > now:
                 if event.time - now > longest:
-                    self._belief, self._at_start = self._initial_belief(), True
+                    self._belief = self._initial_belief()
+                    self._started.clear()
                 elif moving:
                     self._belief = self._filter.predict(self._belief, u, (event.time - now) * 1e-9)
                 now = event.time
             if event.order == len(self._names):
+                if policy.from_rest and u is self._conditions.input:
+                    self._rest(self._observations.input[event.row])
                 u, moving = self._observations.input[event.row], True
                 continue
             # readings from before the initial belief correct it, too
@@ -191,11 +194,7 @@ class Walk:
             earlier = None
         sensor = self._sensor_for(order, earlier, present, covariance)
         y = (readings.value[row] - self._bias[order])[:, present]
-        if self._at_start:
-            self._at_start = False
-            from_reading = self._conditions.policy.from_reading
-            if from_reading and not isinstance(self._belief, Diffuse):
-                self._match_first_reading(order, present, y)
+        self._start(order, present, y)
         prior = self._belief
         if earlier is None:
             correction = self._filter.correct(prior, y, sensor)
@@ -245,16 +244,38 @@ class Walk:
             self._sensors_by_key[key] = sensor
         return sensor
 
-    def _match_first_reading(self, order: int, present: Array, y: Array) -> None:
-        """Move the initial beliefs to match the first reading, as the estimator does."""
-        if not present.all():
+    def _start(self, order: int, present: Array, y: Array) -> None:
+        """Move the initial beliefs by a first reading, as the estimator does."""
+        policy, first = self._conditions.policy, not self._started
+        new = order not in self._started
+        self._started.add(order)
+        moves = (policy.from_reading and first) or (policy.from_rest and new)
+        if not moves or isinstance(self._belief, Diffuse) or not present.all():
             return
         x, P = self._belief
         moved = x.copy()
         for p, candidate in enumerate(self._candidates):
-            sensor = candidate.sensors[self._names[order]]
-            moved[p] = match_reading(Gaussian(x[p], P[p]), y[p], sensor).mean
+            sensor, belief = candidate.sensors[self._names[order]], Gaussian(x[p], P[p])
+            moved[p] = (
+                match_reading(belief, y[p], sensor)
+                if policy.from_reading
+                else likeliest(belief, y[p], sensor, candidate.model)
+            ).mean
         self._belief = unchecked((moved, P))
+
+    def _rest(self, u: Array) -> None:
+        """Let the initial beliefs be those of states that do not change under the first input."""
+        if isinstance(self._belief, Diffuse):
+            return
+        x, P = self._belief
+        beliefs = [
+            rested(Gaussian(x[p], P[p]), u, candidate.model)
+            for p, candidate in enumerate(self._candidates)
+        ]
+        self._belief = unchecked((
+            np.stack([belief.mean for belief in beliefs]),
+            np.stack([belief.covariance for belief in beliefs]),
+        ))  # fmt: skip
 
     def _release_blocks(self, collected: _Collected) -> Iterator[Block]:
         p = len(self._candidates)

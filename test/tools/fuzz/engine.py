@@ -96,6 +96,7 @@ class Episode:
             restart_after=int(rng.choice([0, 3])),
             max_gap=float(rng.choice([0.0, 2.0, 60.0])),
             from_reading=bool(rng.random() < 0.3),
+            from_rest=seed % 7 == 0,
         )
         initial = Gaussian(rng.normal(size=n), np.diag(10.0 ** rng.uniform(-6.0, 6.0, n)))
         timed = {name: TimedSensor(s, _RATE) for name, s in self._sensors.items()}
