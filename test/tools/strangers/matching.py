@@ -2,13 +2,14 @@
 """Rules by which a finding of the doctor names the fault of a recording.
 
 A finding is right if its kind is one of `NAMES` for the kind of the fault, and its subject is the
-same sensor, input or parameter. If the fault concerns one coordinate, a finding of a coordinate
-must be of this one. Correlated noise may be named at either sensor. A unit must have the right
-factor within 5 %, and noise the right direction. What the table calls alike is right too, except
-'scale and bias', of which one finding names a half. What a real recording has wrong by itself is
-neither right nor wrong. A finding whose 'same as' has the right kind and subject is tied. An
-interval is two of the printed standard deviations, or the range that is printed; each must contain
-the size, or zero where the bias is of another coordinate.
+same sensor, input or parameter; that of a sensor, ``imu.radius``, by its name alone. If the fault
+concerns one coordinate, a finding of a coordinate must be of this one. Correlated noise may be
+named at either sensor. A unit must have the right factor within 5 %, and noise the right
+direction. What the table calls alike is right too, except 'scale and bias', of which one finding
+names a half. What a real recording has wrong by itself is neither right nor wrong. A finding whose
+'same as' has the right kind and subject is tied. An interval is two of the printed standard
+deviations, or the range that is printed; each must contain the size, or zero where the bias is of
+another coordinate.
 """
 
 from __future__ import annotations
@@ -84,7 +85,7 @@ def is_meant(kind: str, subject: str, fault: str, concerned: str) -> bool:
         return False
     words = concerned.replace(',', ' ').split()
     if fault == 'parameter':
-        return subject.partition('[')[0] in words
+        return subject.partition('[')[0].rpartition('.')[2] in words
     if fault == 'correlated noise':
         return any(word in subject for word in words)
     sensor, _, coordinate = subject.partition('.')

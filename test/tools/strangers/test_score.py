@@ -47,6 +47,8 @@ def test_every_kind_of_fault_has_names_or_is_known_to_have_none() -> None:
         ('rover_command_delay', 'input delay', 'v', False),
         ('rover_command_delay', 'stamps late', 'gnss', False),
         ('rover_command_delay', 'parameter', 'command_time', True),
+        ('rover_command_delay', 'parameter', 'wheels.command_time', True),
+        ('rover_command_delay', 'parameter', 'wheels.radius', False),
         ('rover_gyro_on_its_side', 'unrelated', 'gyro', True),
         ('boat_compass_7_degrees', 'bias', 'compass', True),
         ('boat_current', 'drift', 'gnss', True),
