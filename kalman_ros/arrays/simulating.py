@@ -24,6 +24,7 @@ from . import text
 from .accept import duration, whole
 from .estimates import _path
 from .loop_setup import Given, loop_of
+from .tables import to_dataframe
 
 #: The pictures of a run.
 PICTURES = ('overview', 'states', 'errors', 'gains', 'innovations', 'force')
@@ -81,6 +82,19 @@ class SimulatedRun(KnownNames, Trajectory):
         if self.limited:
             lines.append(f'a limit changed the input in {self.limited} of {steps} steps')
         return '\n'.join(lines)
+
+    def to_dataframe(self) -> Any:
+        """Return a DataFrame of pandas, by the time in seconds.
+
+        Its columns are the inputs, and each state as ``NAME``, estimated as ``NAME estimate``,
+        with a deviation ``NAME std``.
+        """
+        state, input = self.scenario.model.state, self.scenario.model.input
+        std = np.sqrt(self.covariance.diagonal(axis1=1, axis2=2))
+        columns = dict(zip(state.names, self.truth.T))
+        for what, values in (('estimate', self.estimate), ('std', std)):
+            columns |= {f'{name} {what}': each for name, each in zip(state.names, values.T)}
+        return to_dataframe(self.time.tolist(), columns | dict(zip(input.names, self.input.T)))
 
     def plot(self, path: str | Path | None = None, what: str = 'overview') -> Any:
         """Draw one of the pictures of the demo; the overview with the inputs, too.

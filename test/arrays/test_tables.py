@@ -310,3 +310,14 @@ def test_a_belief_goes_by_the_names_of_the_states(initial):
 def test_a_belief_about_other_states_is_refused(mean):
     with pytest.raises(ValueError, match='^initial mean: expected p, v, got '):
         kr.make_scenario(NAMED, ([1, 0], 0.1), rate=10, initial=(mean, 1.0))
+
+
+def test_a_run_is_a_table_of_truth_estimate_and_inputs():
+    pytest.importorskip('pandas')
+    run = kr.simulate('mass_spring_damper', seconds=0.5)
+    frame = run.to_dataframe()
+    assert [*frame.columns] == ['x', 'v', 'x estimate', 'v estimate', 'x std', 'v std', 'f']
+    assert frame.index.tolist() == run.time.tolist()
+    np.testing.assert_array_equal(frame[['x', 'v']], run.truth)
+    np.testing.assert_array_equal(frame['f'], run.input[:, 0])
+    np.testing.assert_allclose(frame['v std'], np.sqrt(run.covariance[:, 1, 1]))
