@@ -6,6 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from . import recordings
+from .fourth import recordings as fourth
 from .real import recordings as real
 from .recordings import Recording
 from .second import recordings as second
@@ -16,6 +17,7 @@ SETS: dict[str, dict[str, Recording]] = {
     'first': recordings.RECORDINGS,
     'second': second.RECORDINGS,
     'third': third.RECORDINGS,
+    'fourth': fourth.RECORDINGS,
     'real': real.RECORDINGS,
 }
 #: The recordings of all sets.
@@ -26,5 +28,7 @@ RECORDINGS: dict[str, Recording] = {
 
 def write(name: str, folder: str | Path) -> None:
     """Write the two files of a recording of any set into a new or an empty folder."""
-    writer = next(each for each in (recordings, second, third, real) if name in each.RECORDINGS)
+    writer = next(
+        each for each in (recordings, second, third, fourth, real) if name in each.RECORDINGS
+    )
     writer.write(name, folder)
