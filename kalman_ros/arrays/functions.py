@@ -70,6 +70,9 @@ class _Each:
     arguments nor an array that it returns again is seen elsewhere.
     """
 
+    #: For `compiled.free_parameters`: that the numbers of a function are parameters, too.
+    HAS_FUNCTION = True
+
     def __init__(self, f: Function, what: str, sizes: Sequence[int], size: int) -> None:
         self._f, self._size, self._what = f, size, what
         rng = np.random.default_rng(0)

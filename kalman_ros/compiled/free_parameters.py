@@ -1,18 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
 """The numbers that an object computes with, as a vector: formulas hold for any values of them.
 
-Zeros stay zeros, so that formulas have no terms for what is absent.
+Zeros stay zeros, so that formulas have no terms for what is absent. Numbers that a function has
+from where it was defined, its closure and defaults, count as well, if its formulas can be recorded
+with symbols in their place.
 """
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from copy import copy
-from typing import Any
+from types import CellType, FunctionType
+from typing import Any, TypeVar
 
 import numpy as np
 
 from kalman_ros.core import Array, Model, Sensor
+
+from .symbols import UntraceableError
+
+T = TypeVar('T')
 
 
 class Parameters:
@@ -24,12 +31,15 @@ class Parameters:
     ----------
     original
         The model or sensor.
+    opened
+        Whether the numbers within its functions count, too.
     """
 
-    def __init__(self, original: Model | Sensor) -> None:
+    def __init__(self, original: Model | Sensor, *, opened: bool = False) -> None:
         #: The model or sensor.
         self.original = original
-        found = [*_numbers(original)]
+        self._opened = opened
+        found = [*_numbers(original, opened)]
         #: The numbers, in the order of the attributes (p,).
         self.values: Array = np.array([value for value in found if isinstance(value, float)])
         #: Equal for objects that compute by the same formulas.
@@ -50,20 +60,42 @@ class Parameters:
 
     def applied(self, values: Any) -> Any:
         """Return a copy of the object with other numbers (p,), which may be symbols."""
-        return _replaced(self.original, iter(values))
+        return _replaced(self.original, iter(values), self._opened)
+
+
+#: Signatures of objects whose functions take no symbols in place of their numbers.
+_closed: set[tuple[Hashable, ...]] = set()
+
+
+def freed(original: Model | Sensor, use: Callable[[Parameters], T]) -> tuple[Parameters, T]:
+    """Return the parameters of an object and what is made of them.
+
+    Functions keep their numbers if nothing can be made with these as parameters, as where one
+    computes with `math` or decides by a number.
+    """
+    opened, whole = Parameters(original, opened=True), Parameters(original)
+    if opened.signature != whole.signature and opened.signature not in _closed:
+        try:
+            return opened, use(opened)
+        except (Exception, UntraceableError):  # functions of a user fail in any way
+            _closed.add(opened.signature)
+    return whole, use(whole)
 
 
 #: The marker of a number that is zero.
 _ZERO = object()
 
 
-def _numbers(value: Any) -> Iterator[Any]:
+def _numbers(value: Any, opened: bool, inside: tuple[Any, ...] = ()) -> Iterator[Any]:
     """Yield the numbers that are no zeros as floats, and all else as what can be compared."""
-    if isinstance(value, (Model, Sensor)):
+    if isinstance(value, (Model, Sensor)) or (opened and hasattr(value, 'HAS_FUNCTION')):
         yield type(value)
         for name, attribute in vars(value).items():
             yield name
-            yield from _numbers(attribute)
+            yield from _numbers(attribute, opened, inside)
+    elif opened and _can_open(value, inside):
+        yield value.__code__, id(value.__globals__)
+        yield from _numbers(_content(value), opened, (*inside, value))
     elif isinstance(value, np.ndarray) and value.dtype == float:
         yield value.shape
         for each in value.ravel().tolist():
@@ -71,23 +103,37 @@ def _numbers(value: Any) -> Iterator[Any]:
     elif isinstance(value, (tuple, list)):
         yield type(value), len(value)
         for each in value:
-            yield from _numbers(each)
+            yield from _numbers(each, opened, inside)
     elif isinstance(value, dict):
         yield dict, len(value)
         for name, each in value.items():
             yield name
-            yield from _numbers(each)
+            yield from _numbers(each, opened, inside)
     elif isinstance(value, float):
         yield value or _ZERO
     else:
         yield value if _is_hashable(value) else _Same(value)
 
 
-def _replaced(value: Any, numbers: Iterator[Any]) -> Any:
+def _replaced(
+    value: Any, numbers: Iterator[Any], opened: bool, inside: tuple[Any, ...] = ()
+) -> Any:
     """Return a value with the numbers that `_numbers` yields replaced by others."""
-    if isinstance(value, (Model, Sensor)):
+
+    def again(each: Any) -> Any:
+        return _replaced(each, numbers, opened, inside)
+
+    if isinstance(value, (Model, Sensor)) or (opened and hasattr(value, 'HAS_FUNCTION')):
         other = copy(value)
-        vars(other).update({k: _replaced(each, numbers) for k, each in vars(value).items()})
+        vars(other).update({name: again(each) for name, each in vars(value).items()})
+        return other
+    if opened and _can_open(value, inside):
+        cells, defaults = _replaced(_content(value), numbers, opened, (*inside, value))
+        other = FunctionType(
+            value.__code__, value.__globals__, value.__name__, tuple(defaults) or None,
+            tuple(map(CellType, cells)),
+        )  # fmt: skip
+        other.__kwdefaults__ = value.__kwdefaults__
         return other
     if isinstance(value, np.ndarray) and value.dtype == float:
         flat = [next(numbers) if each else 0.0 for each in value.ravel().tolist()]
@@ -96,15 +142,33 @@ def _replaced(value: Any, numbers: Iterator[Any]) -> Any:
         plain = all(isinstance(each, float) for each in flat)
         return (whole.astype(float) if plain else whole).reshape(value.shape)
     if isinstance(value, dict):
-        return {name: _replaced(each, numbers) for name, each in value.items()}
+        return {name: again(each) for name, each in value.items()}
     if isinstance(value, list):
-        return [_replaced(each, numbers) for each in value]
+        return [again(each) for each in value]
     if isinstance(value, tuple):
-        each = (_replaced(each, numbers) for each in value)
+        each = map(again, value)
         return type(value)(*each) if hasattr(value, '_fields') else tuple(each)
     if isinstance(value, float):
         return next(numbers) if value else value
     return value
+
+
+def _can_open(value: Any, inside: tuple[Any, ...]) -> bool:
+    """Return whether a value is a function of which all can be compared."""
+    if not isinstance(value, FunctionType) or any(value is each for each in inside):
+        return False
+    try:
+        content = _content(value)
+    except ValueError:  # a cell that is not set yet
+        return False
+    found = _numbers(content, True, (*inside, value))
+    return not any(isinstance(each, _Same) for each in found)
+
+
+def _content(function: FunctionType) -> tuple[list[Any], list[Any]]:
+    """Return what a function has in its closure, and as defaults."""
+    cells = function.__closure__ or ()
+    return [cell.cell_contents for cell in cells], [*(function.__defaults__ or ())]
 
 
 class _Same:

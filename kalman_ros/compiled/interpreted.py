@@ -14,7 +14,7 @@ from kalman_ros.linear.discretize import flow, noise_integral
 
 from .derived import derive
 from .formulas import of_model, of_sensor
-from .free_parameters import Parameters
+from .free_parameters import freed
 from .tracing import Trace
 
 _memory: Callable[[Any], Any] = memoryview
@@ -130,8 +130,7 @@ def interpreted_model(model: Model) -> Model:
     UntraceableError
         If a function cannot be traced.
     """
-    parameters = Parameters(model)
-    formulas = of_model(model, parameters)
+    parameters, formulas = freed(model, lambda given: of_model(model, given))
     found: Model = derive(
         InterpretedModel,
         model,
@@ -152,8 +151,7 @@ def interpreted_sensor(sensor: Sensor, state: Space) -> Sensor:
     UntraceableError
         If a function cannot be traced.
     """
-    parameters = Parameters(sensor)
-    formulas = of_sensor(sensor, state, parameters)
+    parameters, formulas = freed(sensor, lambda given: of_sensor(sensor, state, given))
     found: Sensor = derive(
         InterpretedSensor,
         sensor,

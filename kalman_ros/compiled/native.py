@@ -20,7 +20,7 @@ from kalman_ros.core.model import like
 
 from .derived import derive
 from .formulas import of_model, of_sensor, of_space
-from .free_parameters import Parameters
+from .free_parameters import Parameters, freed
 from .library import load
 from .source import source
 
@@ -278,8 +278,8 @@ def native_model(model: Model, *, wait: bool = True) -> Model:
     CompilerError
         If it cannot be compiled, or without ``wait`` is not yet.
     """
-    parameters = Parameters(model)
-    library = load(_model_source(parameters), wait=wait)
+    parameters, text = freed(model, _model_source)
+    library = load(text, wait=wait)
     library.linearized_step.argtypes = [_POINTER, _NUMBER, _NUMBER, _POINTER]
     library.linearized_step.restype = ctypes.c_int
     _declare(library.rates)
@@ -308,8 +308,8 @@ def native_sensor(sensor: Sensor, state: Space, *, wait: bool = True) -> Sensor:
     CompilerError
         If it cannot be compiled, or without ``wait`` is not yet.
     """
-    parameters = Parameters(sensor)
-    library = load(_sensor_source(parameters, state), wait=wait)
+    parameters, text = freed(sensor, lambda given: _sensor_source(given, state))
+    library = load(text, wait=wait)
     _declare(library.readings)
     _declare(library.slopes)
     found: Sensor = derive(
