@@ -9,8 +9,6 @@ import numpy as np
 
 from kalman_ros.core import Array, Dynamics, Gaussian, Sensor, Space
 
-from .filters.iterated_ekf import IteratedExtendedKalmanFilter
-
 #: Deviation of a rate at rest, in units of the state by s, and the seconds of noise in it.
 _AT_REST, _SAMPLE = 0.1, 0.01
 #: Deviation of an angle or a rotation, in rad, from which on it may be the opposite one.
@@ -95,6 +93,9 @@ def likeliest(belief: Gaussian, y: Array, sensor: Sensor, model: Dynamics) -> Ga
     numpy.linalg.LinAlgError
         If a covariance cannot be inverted.
     """
+    # plant and controller load this module, and need no filter
+    from .filters.iterated_ekf import IteratedExtendedKalmanFilter
+
     solver, space = IteratedExtendedKalmanFilter(model), model.state
     weight = np.linalg.pinv(belief.covariance)
 
