@@ -63,8 +63,10 @@ class Parameters:
         return _replaced(self.original, iter(values), self._opened)
 
 
-#: Signatures of objects whose functions take no symbols in place of their numbers.
+#: Signatures of objects whose functions take no symbols in place of their numbers, and how many
+#: are kept.
 _closed: set[tuple[Hashable, ...]] = set()
+_MOST_CLOSED = 256
 
 
 def freed(original: Model | Sensor, use: Callable[[Parameters], T]) -> tuple[Parameters, T]:
@@ -78,6 +80,8 @@ def freed(original: Model | Sensor, use: Callable[[Parameters], T]) -> tuple[Par
         try:
             return opened, use(opened)
         except (Exception, UntraceableError):  # functions of a user fail in any way
+            if len(_closed) >= _MOST_CLOSED:
+                _closed.clear()
             _closed.add(opened.signature)
     return whole, use(whole)
 
@@ -128,12 +132,12 @@ def _replaced(
         vars(other).update({name: again(each) for name, each in vars(value).items()})
         return other
     if opened and _can_open(value, inside):
-        cells, defaults = _replaced(_content(value), numbers, opened, (*inside, value))
+        cells, defaults, named = _replaced(_content(value), numbers, opened, (*inside, value))
         other = FunctionType(
             value.__code__, value.__globals__, value.__name__, tuple(defaults) or None,
             tuple(map(CellType, cells)),
         )  # fmt: skip
-        other.__kwdefaults__ = value.__kwdefaults__
+        other.__kwdefaults__ = named
         return other
     if isinstance(value, np.ndarray) and value.dtype == float:
         flat = [next(numbers) if each else 0.0 for each in value.ravel().tolist()]
@@ -165,10 +169,10 @@ def _can_open(value: Any, inside: tuple[Any, ...]) -> bool:
     return not any(isinstance(each, _Same) for each in found)
 
 
-def _content(function: FunctionType) -> tuple[list[Any], list[Any]]:
-    """Return what a function has in its closure, and as defaults."""
-    cells = function.__closure__ or ()
-    return [cell.cell_contents for cell in cells], [*(function.__defaults__ or ())]
+def _content(function: FunctionType) -> tuple[list[Any], list[Any], dict[str, Any]]:
+    """Return what a function has in its closure, as defaults, and as defaults by name."""
+    cells = [cell.cell_contents for cell in function.__closure__ or ()]
+    return cells, [*(function.__defaults__ or ())], function.__kwdefaults__ or {}
 
 
 class _Same:

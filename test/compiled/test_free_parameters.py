@@ -27,6 +27,13 @@ def by_default(gravity):
     return kr.continuous_model(rate, W=[0.0, 0.1])
 
 
+def by_name(gravity):
+    def rate(x, *, g=gravity):
+        return np.array([x[1], -g * np.sin(x[0])])
+
+    return kr.continuous_model(rate, W=[0.0, 0.1])
+
+
 def nested(gravity):
     def pull(angle):
         return gravity * np.sin(angle)
@@ -53,7 +60,7 @@ def in_an_array(gravity):
     return kr.continuous_model(lambda x: A @ np.sin(x), W=[0.0, 0.1])
 
 
-ALL = [pendulum, by_default, nested, with_math, with_a_choice, in_an_array]
+ALL = [pendulum, by_default, by_name, nested, with_math, with_a_choice, in_an_array]
 
 
 @pytest.mark.parametrize('build', ALL)
@@ -69,7 +76,7 @@ def test_a_compiled_function_has_its_numbers(build):
         )
 
 
-@pytest.mark.parametrize('build', [pendulum, by_default, nested, in_an_array])
+@pytest.mark.parametrize('build', [pendulum, by_default, by_name, nested, in_an_array])
 def test_functions_that_differ_in_numbers_have_the_same_formulas(build, monkeypatch):
     one, other = (Parameters(build(g), opened=True) for g in (1.62, 9.81))
     assert one == other and one.comparable
