@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The example of a house finds the numbers of a recording that is made here."""
+"""The examples of identification find the numbers of recordings that are made here."""
 
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 from scipy.linalg import expm
+
+from kalman_ros.compiled.parts import VARIABLE
 
 pytest.importorskip('casadi', reason='without compiled models it takes minutes')
 FOLDER = Path(__file__).parents[2] / 'docs' / 'examples' / 'identification'
@@ -57,3 +60,27 @@ def test_a_house_has_its_resistances_and_capacities(example, tmp_path, capsys, m
     monkeypatch.setattr(sys, 'argv', ['house.py', str(file)])
     house.main()
     assert '169.597 ± 7.7' in capsys.readouterr().out
+
+
+@pytest.mark.thorough
+def test_a_drive_has_its_mass_and_friction(example, tmp_path, monkeypatch):
+    monkeypatch.delenv(VARIABLE)  # by numpy it takes minutes
+    drive = example('drive')
+    truth = {name: value for name, (value, _) in drive.PUBLISHED.items()}
+    M, Fv, Fc, offset = truth.values()
+    rng, dt, count = np.random.default_rng(5), 1e-3, 6000
+    x, v, place, volts = 0.0, 0.0, [], []
+    for k in range(count):
+        wish = 0.1 * np.sin(2.0 * np.pi * k * dt / 1.5) * np.sin(2.0 * np.pi * k * dt / 7.0)
+        if k % drive.EVERY == 0:
+            force = 2000.0 * (wish - v) + 40.0 * np.sin(k * dt * 9.0) + offset
+        place.append(x)
+        volts.append(force / 35.0)
+        for _ in range(10):
+            push = 3.0 * rng.normal() / (0.1 * dt) ** 0.5
+            rate = (force - Fv * v - Fc * np.tanh(v / drive.SLOW) - offset + push) / M
+            x, v = x + 0.1 * dt * v, v + 0.1 * dt * rate
+    read = drive.STEP * np.round(np.array(place) / drive.STEP)
+    file = tmp_path / 'drive.mat'
+    savemat(file, {'qm': read[:, None], 'vir': np.array(volts)[:, None], 'gtau': 35.0})
+    within(drive.fit(file), {'M': M, 'Fc': Fc})
