@@ -76,8 +76,12 @@ def verdict(checks: Sequence[Check], claim: str) -> str:
     return f'[bold red]FAIL, {count} hold:[/] theory and measurement disagree on {names}'
 
 
-def plain_table(title: str, columns: Sequence[str]) -> Table:
-    """Return an empty table with a column of names and ``columns`` of numbers; '' is no title."""
+def plain_table(title: str, columns: Sequence[str], words: int = 0) -> Table:
+    """Return an empty table with a column of names and ``columns`` of numbers; '' is no title.
+
+    The first ``words`` columns, that of names included, are of words: one that is too long is
+    broken, but never a number.
+    """
     table = Table(
         title=title or None,
         title_justify='left',
@@ -89,6 +93,8 @@ def plain_table(title: str, columns: Sequence[str]) -> Table:
     table.add_column('', no_wrap=True)
     for column in columns:
         table.add_column(column, justify='right', no_wrap=True)
+    for each in table.columns[:words]:
+        each.no_wrap, each.overflow, each.justify = False, 'fold', 'left'
     return table
 
 
@@ -117,8 +123,10 @@ def checks_json(checks: Sequence[Check]) -> list[dict[str, Any]]:
     ]
 
 
-def plain(value: complex) -> Any:
-    """Return a number for JSON: a complex number as a pair, a non-finite number as None."""
+def plain(value: Any) -> Any:
+    """Return a value for JSON: a complex number as a pair, a non-finite number as None."""
     if isinstance(value, complex):
         return [value.real, value.imag]
-    return float(value) if isfinite(value) else None
+    if isinstance(value, float):
+        return float(value) if isfinite(value) else None
+    return value

@@ -44,9 +44,7 @@ class Sheet:
         return measurement.maximum <= console.width
 
     def _table(self, start: int, end: int) -> Table:
-        table = plain_table('', [title for title, _ in self.columns[start:end]])
-        # a name that is too long is broken, but never a number
-        table.columns[0].no_wrap, table.columns[0].overflow = False, 'fold'
+        table = plain_table('', [title for title, _ in self.columns[start:end]], 1)
         for index, name in enumerate(self.names):
             table.add_row(name, *(cells[index] for _, cells in self.columns[start:end]))
         return table

@@ -18,9 +18,7 @@ _SHOWN = 3
 
 def topics_table(topics: Mapping[str, TopicRecord]) -> Table:
     """Return the topics of a recording: type, number of messages, rate in Hz, longest gap in s."""
-    table = plain_table('', ('type', 'count', 'Hz', 'gap (s)'))
-    for column in table.columns[:2]:
-        column.no_wrap, column.overflow, column.justify = False, 'fold', 'left'
+    table = plain_table('', ('type', 'count', 'Hz', 'gap (s)'), 2)
     for topic, record in topics.items():
         kind = record.type.rpartition('/')[2]
         numbers = (
@@ -32,9 +30,7 @@ def topics_table(topics: Mapping[str, TopicRecord]) -> Table:
 
 def matches_table(proposals: Sequence[Proposal]) -> Table:
     """Return the scenarios that fit best: their sensors, with rate and noise as measured."""
-    table = plain_table('', ('sensor', 'topic', 'Hz', 'noise'))
-    for column in table.columns[:3]:
-        column.no_wrap, column.overflow, column.justify = False, 'fold', 'left'
+    table = plain_table('', ('sensor', 'topic', 'Hz', 'noise'), 3)
     for proposal in proposals[:_SHOWN]:
         name = proposal.scenario
         for sensor, match in proposal.matches.items():

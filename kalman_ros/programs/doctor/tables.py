@@ -11,15 +11,13 @@ from rich.table import Table
 
 from kalman_ros.analysis.diagnosis.diagnose import Diagnosis
 from kalman_ros.analysis.diagnosis.finding import Finding
-from kalman_ros.report.run_tables import plain_table
+from kalman_ros.report.run_tables import plain, plain_table
 from kalman_ros.scenario.parameter_text import yaml_value
 
 
 def findings_table(diagnosis: Diagnosis) -> Table:
     """Return the ranked findings: kind, subject, certainty, share of the misfit explained."""
-    table = plain_table('', ('of', 'sure', 'explains', 'misfit', 'by replay'))
-    for column in table.columns[:2]:
-        column.no_wrap, column.overflow, column.justify = False, 'fold', 'left'
+    table = plain_table('', ('of', 'sure', 'explains', 'misfit', 'by replay'), 2)
     for number, finding in enumerate(diagnosis.findings, start=1):
         explains = f'{100.0 * finding.share:.0f} %' if finding.gain > 0.0 else '-'
         gain = f'-{finding.gain:.4g}' if finding.gain > 0.0 else '-'
@@ -71,11 +69,11 @@ def _finding_json(finding: Finding) -> dict[str, Any]:
         'kind': finding.kind,
         'subject': finding.subject,
         'sentence': finding.sentence,
-        'z': float(finding.z) if isfinite(finding.z) else None,
+        'z': plain(float(finding.z)),
         'change': dict(finding.change),
         'gain': float(finding.gain),
         'share': float(finding.share),
         'certainty': float(finding.certainty),
-        'proof': float(finding.proof) if isfinite(finding.proof) else None,
+        'proof': plain(float(finding.proof)),
         'same as': [list(other) for other in finding.same_as],
     }

@@ -122,7 +122,4 @@ def summary(
 
 
 def _statistics_json(numbers: SensorStatistics) -> dict[str, Any]:
-    return {
-        name: value if isinstance(value, int) else plain(value)
-        for name, value in asdict(numbers).items()
-    }
+    return {name: plain(value) for name, value in asdict(numbers).items()}

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
-from math import isfinite
 from typing import Any
 
 from rich.table import Table
@@ -14,7 +13,7 @@ from kalman_ros.analysis.tuning.fit import Fit
 from kalman_ros.analysis.tuning.held_out import Judgement
 from kalman_ros.analysis.tuning.named_parameters import NamedParameters
 from kalman_ros.analysis.tuning.robust_margins import RobustMargins
-from kalman_ros.report.run_tables import plain_table
+from kalman_ros.report.run_tables import plain, plain_table
 from kalman_ros.scenario.parameter_text import yaml_value
 
 #: Absolute correlation above which a pair of parameters is mentioned.
@@ -23,8 +22,7 @@ _NOTABLE = 0.8
 
 def parameters_table(fit: Fit) -> Table:
     """Return the parameters with their start, value and interval."""
-    table = plain_table('', ('start', 'fitted', '95 % interval'))
-    table.columns[0].no_wrap, table.columns[0].overflow = False, 'fold'
+    table = plain_table('', ('start', 'fitted', '95 % interval'), 1)
     for parameter in fit.parameters:
         name = f'{parameter.name} \\[{parameter.unit}]' if parameter.unit else parameter.name
         value, interval = '', '[yellow]not determined[/]'
@@ -187,38 +185,31 @@ def summary(
     """Return the fit for ``summary.json``."""
     before, after = fit.aic
     return {
-        'parameters': [{k: _plain(v) for k, v in asdict(p).items()} for p in fit.parameters],
-        'correlation': [[_plain(v) for v in row] for row in fit.correlation.tolist()],
-        'log likelihood': {'before': _plain(fit.before), 'after': _plain(fit.after)},
-        'AIC': {'before': _plain(before), 'after': _plain(after)},
+        'parameters': [{k: plain(v) for k, v in asdict(p).items()} for p in fit.parameters],
+        'correlation': [[plain(v) for v in row] for row in fit.correlation.tolist()],
+        'log likelihood': {'before': plain(fit.before), 'after': plain(fit.after)},
+        'AIC': {'before': plain(before), 'after': plain(after)},
         'readings': fit.count,
         'converged': fit.converged,
         'interrupted': fit.interrupted,
         'stopped': fit.stopped,
         'held out': None if held is None else {
             when: {
-                'log likelihood': _plain(judgement.log_likelihood),
+                'log likelihood': plain(judgement.log_likelihood),
                 'consistent': judgement.consistent,
                 'sensors': {
-                    name: {'nis': _plain(s.nis), 'nis bounds': list(s.nis_bounds),
-                           'whiteness': _plain(s.whiteness), 'whiteness bound': s.white_bound}
+                    name: {'nis': plain(s.nis), 'nis bounds': list(s.nis_bounds),
+                           'whiteness': plain(s.whiteness), 'whiteness bound': s.white_bound}
                     for name, s in judgement.sensors.items()
                 },
             }
             for when, judgement in zip(('before', 'after'), held)
         },
         'margins': [
-            {'input': loop.input, 'upper gain': _plain(loop.upper_gain), 'lag': _plain(loop.lag),
-             'delay': _plain(loop.delay), 'unstable': loop.unstable, 'plants': loop.count}
+            {'input': loop.input, 'upper gain': plain(loop.upper_gain), 'lag': plain(loop.lag),
+             'delay': plain(loop.delay), 'unstable': loop.unstable, 'plants': loop.count}
             for loop in worst
         ],
         'change': dict(changes),
         'notes': list(notes),
     }  # fmt: skip
-
-
-def _plain(value: Any) -> Any:
-    """Return a value for JSON, with null for a number that is not finite."""
-    if isinstance(value, float):
-        return float(value) if isfinite(value) else None
-    return value
