@@ -22,7 +22,7 @@ from kalman_ros.linear.views import coordinates, from_coordinates
 
 from .discrete_model import DiscreteLinearSystem, DiscreteModel, check_period
 from .dynamics import Dynamics, LinearizedStep, OperatingPoint, Transition
-from .gaussian import Gaussian, unchecked
+from .gaussian import Gaussian, chosen, unchecked
 from .linear_system import LinearSystem, linearize
 from .model import Model, in_continuous_time, numerical_jacobian
 from .named_options import About, Option, Value, brief, build_with, options_of, refuse_unknown
@@ -60,6 +60,7 @@ __all__ = [
     'build_with',
     'check_period',
     'check_real',
+    'chosen',
     'coordinates',
     'find',
     'following',

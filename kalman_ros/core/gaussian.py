@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import ClassVar, NamedTuple, TypeVar
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -78,3 +78,9 @@ class Gaussian(KnownNames, _Moments):
 #: For the inner loops of filters, whose sizes match by construction: a belief from a tuple of
 #: mean and covariance, unchecked, in a third of the time.
 unchecked: Callable[[tuple[Array, Array]], Gaussian] = partial(tuple.__new__, Gaussian)
+
+
+def chosen(mask: Any, a: Gaussian, b: Gaussian) -> Gaussian:
+    """Return beliefs ``a`` where a mask (...) is set, and ``b`` elsewhere."""
+    x = np.where(mask[..., np.newaxis], a.mean, b.mean)
+    return unchecked((x, np.where(mask[..., np.newaxis, np.newaxis], a.covariance, b.covariance)))

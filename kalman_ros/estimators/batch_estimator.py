@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from kalman_ros.core import Array, Gaussian, Sensor, is_finite, unchecked
+from kalman_ros.core import Array, Gaussian, Sensor, chosen, is_finite, unchecked
 from kalman_ros.core.stacked import stacked_sensor
 from kalman_ros.linear.batched import factor, squared, times, whitened
 
@@ -143,7 +143,7 @@ class BatchEstimator:
             assert self.time is not None
             agrees = np.where(accepted, 1, NEVER)
             self._records.add(self._order[name], self.time, agrees, taken)
-        self.belief = posterior if accepted.all() else _chosen(accepted, posterior, prior)
+        self.belief = posterior if accepted.all() else chosen(accepted, posterior, prior)
         self.fused[name] += accepted
         self.rejected[name] += taken & ~accepted
         return correction
@@ -309,9 +309,3 @@ def _member(belief: Gaussian, at: tuple[int, ...]) -> Gaussian:
     """Return the belief of one member."""
     x, P = belief
     return Gaussian(x if x.ndim == 1 else x[at], P if P.ndim == 2 else P[at])
-
-
-def _chosen(mask: Mask, a: Gaussian, b: Gaussian) -> Gaussian:
-    """Return beliefs ``a`` where the mask is set, and ``b`` elsewhere."""
-    x = np.where(mask[..., np.newaxis], a.mean, b.mean)
-    return unchecked((x, np.where(mask[..., np.newaxis, np.newaxis], a.covariance, b.covariance)))

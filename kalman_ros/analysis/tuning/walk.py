@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import Array, Gaussian, Sensor, Space, in_continuous_time, unchecked
+from kalman_ros.core import Array, Gaussian, Sensor, Space, chosen, in_continuous_time, unchecked
 from kalman_ros.core.candidates import candidate_model, candidate_sensor
 from kalman_ros.estimators.diffuse import Diffuse, begun
 from kalman_ros.estimators.policy import Policy
@@ -218,7 +218,7 @@ class Walk:
         if isinstance(prior, Diffuse):  # what nothing was known of cannot be far away
             accepted = True
         if accepted is not True and not accepted.all():
-            self._belief = _select_beliefs(accepted, correction.posterior, prior)
+            self._belief = chosen(accepted, correction.posterior, prior)
         return (order, present.tobytes()), (
             correction.innovation, correction.innovation_covariance, accepted,
         )  # fmt: skip
@@ -296,9 +296,3 @@ class Walk:
 
 #: Time, innovation, covariance and acceptance of each reading, by sensor and coordinates.
 _Collected = dict[tuple[int, bytes], list[tuple[Any, ...]]]
-
-
-def _select_beliefs(mask: Any, a: Gaussian, b: Gaussian) -> Gaussian:
-    """Return the beliefs ``a`` where the mask is set, and ``b`` elsewhere."""
-    x = np.where(mask[:, np.newaxis], a.mean, b.mean)
-    return unchecked((x, np.where(mask[:, np.newaxis, np.newaxis], a.covariance, b.covariance)))

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kalman_ros.core import Array, Gaussian, Sensor, unchecked
+from kalman_ros.core import Array, Gaussian, Sensor, chosen, unchecked
 from kalman_ros.estimators.diffuse import Diffuse
 from kalman_ros.estimators.filter import Correction
 from kalman_ros.linear.kernels import kernels
@@ -103,13 +103,9 @@ class IteratedExtendedKalmanFilter(ExtendedKalmanFilter):
                 break
         last = step(d)
         covariance = k.joseph(last.gain, last.H, P, R)
-        mean, covariance = space.arrived(x + d, x, covariance)
+        posterior = unchecked(space.arrived(x + d, x, covariance))
         if not np.all(usable):
-            mean = np.where(usable[..., np.newaxis], mean, first.posterior.mean)
-            covariance = np.where(
-                usable[..., np.newaxis, np.newaxis], covariance, first.posterior.covariance
-            )
-        posterior = unchecked((mean, covariance))
+            posterior = chosen(usable, posterior, first.posterior)
         innovation, S = first.innovation, first.innovation_covariance
         return Correction(posterior, innovation, S, last.gain, last.H)
 
