@@ -76,7 +76,8 @@ def freed(original: Model | Sensor, use: Callable[[Parameters], T]) -> tuple[Par
     computes with `math` or decides by a number.
     """
     opened, whole = Parameters(original, opened=True), Parameters(original)
-    if opened.signature != whole.signature and opened.signature not in _closed:
+    can = opened.comparable and opened.signature != whole.signature
+    if can and opened.signature not in _closed:
         try:
             return opened, use(opened)
         except (Exception, UntraceableError):  # functions of a user fail in any way
@@ -158,15 +159,14 @@ def _replaced(
 
 
 def _can_open(value: Any, inside: tuple[Any, ...]) -> bool:
-    """Return whether a value is a function of which all can be compared."""
+    """Return whether a value is a function whose content can be had, and not one of these."""
     if not isinstance(value, FunctionType) or any(value is each for each in inside):
         return False
     try:
-        content = _content(value)
+        _content(value)
     except ValueError:  # a cell that is not set yet
         return False
-    found = _numbers(content, True, (*inside, value))
-    return not any(isinstance(each, _Same) for each in found)
+    return True
 
 
 def _content(function: FunctionType) -> tuple[list[Any], list[Any], dict[str, Any]]:

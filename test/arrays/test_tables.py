@@ -319,5 +319,6 @@ def test_a_run_is_a_table_of_truth_estimate_and_inputs():
     assert [*frame.columns] == ['x', 'v', 'x estimate', 'v estimate', 'x std', 'v std', 'f']
     assert frame.index.tolist() == run.time.tolist()
     np.testing.assert_array_equal(frame[['x', 'v']], run.truth)
+    np.testing.assert_array_equal(frame[['x estimate', 'v estimate']], run.estimate)
     np.testing.assert_array_equal(frame['f'], run.input[:, 0])
     np.testing.assert_allclose(frame['v std'], np.sqrt(run.covariance[:, 1, 1]))

@@ -10,7 +10,7 @@ pytest.importorskip('casadi')
 
 import kalman_ros as kr
 from kalman_ros.compiled import attempt, native
-from kalman_ros.compiled.free_parameters import Parameters
+from kalman_ros.compiled.free_parameters import Parameters, freed
 
 
 def pendulum(gravity, damping=0.1, function=np.sin):
@@ -87,6 +87,7 @@ def test_functions_that_differ_in_numbers_have_the_same_formulas(build, monkeypa
         native, 'load', lambda text, **_: texts.append(text) or (_ for _ in ()).throw(OSError)
     )
     for model in (one.original, other.original):
+        native.forget_formulas()  # each is traced
         with pytest.raises(OSError):
             native.native_model(model)
     assert texts[0] == texts[1]
@@ -115,4 +116,19 @@ def test_what_cannot_be_compared_stays_as_it_is():
         return np.array([x[1], -float(table['gravity'][0]) * x[0]])
 
     model = kr.continuous_model(rate, W=[0.0, 0.1])
-    assert Parameters(model, opened=True).comparable
+    assert not Parameters(model, opened=True).comparable
+    parameters, _ = freed(model, lambda given: given)
+    assert parameters == Parameters(model)
+
+
+def test_functions_within_functions_take_no_longer_the_deeper_they_are():
+    def rate(x):
+        return np.array([x[1], -x[0]])
+
+    for k in range(40):
+
+        def rate(x, inner=rate, more=0.01 * k):
+            return inner(x) - more * x
+
+    model = kr.continuous_model(rate, W=[0.0, 0.1])
+    assert np.sum(Parameters(model, opened=True).values) == pytest.approx(0.01 * 780 + 0.1 + 0.01)
