@@ -71,27 +71,29 @@ FAST static int flow(const real *x, const real *u, real dt, const real *p, real 
     memcpy(Q, term, sizeof term);
     for (int i = 0; i < ORDER; i++)
         F[i * ORDER + i] += 1;
-    /* a series ends where its term is negligible in every entry: those that are zero stay so */
+    /* a series ends where its term changes no number of the sum */
     int F_grows = 1, Q_grows = 1;
     for (int k = 2; k <= TERMS && Q_grows; k++) {
         product(A_COUNT, A_ROW, A_COLUMN, a, 1 / (real)k, term, half);
         Q_grows = 0;
         for (int i = 0; i < ORDER; i++)
             for (int j = 0; j <= i; j++) {
-                real sum = Q[i * ORDER + j];
-                term[i * ORDER + j] = half[i * ORDER + j] + half[j * ORDER + i];
-                term[j * ORDER + i] = term[i * ORDER + j];
-                Q[i * ORDER + j] += term[i * ORDER + j];
-                Q_grows |= !(fabs(term[i * ORDER + j]) <= NEGLIGIBLE * fabs(sum));
+                const real more = half[i * ORDER + j] + half[j * ORDER + i];
+                const real sum = Q[i * ORDER + j] + more;
+                term[i * ORDER + j] = more;
+                term[j * ORDER + i] = more;
+                Q_grows |= sum != Q[i * ORDER + j];
+                Q[i * ORDER + j] = sum;
             }
     }
     for (int k = 2; k <= TERMS && F_grows; k++) {
         product(A_COUNT, A_ROW, A_COLUMN, a, 1 / (real)k, F_term, half);
         F_grows = 0;
         for (int i = 0; i < ORDER * ORDER; i++) {
-            real sum = F[i];
-            F[i] += F_term[i] = half[i];
-            F_grows |= !(fabs(half[i]) <= NEGLIGIBLE * fabs(sum));
+            const real sum = F[i] + half[i];
+            F_term[i] = half[i];
+            F_grows |= sum != F[i];
+            F[i] = sum;
         }
     }
     for (int i = 0; i < ORDER; i++)

@@ -24,7 +24,6 @@ FAST = """/* the processor of this machine may have wider registers than all of 
 _HEAD = f"""#include <math.h>
 #include <string.h>
 typedef double real;
-#define NEGLIGIBLE 1e-16
 {FAST}"""
 
 

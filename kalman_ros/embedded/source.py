@@ -152,7 +152,6 @@ def _parts(loop: Loop, names: Names, precision: str, fast: str) -> list[str]:
         'SENSORS': len(loop.sensors),
         'K_MOST': loop.longest_reading,
         'REPAIRS': chosen.repairs,
-        'NEGLIGIBLE': chosen.negligible,
         'DIFFERENCE': chosen.difference,
         'REACHED': chosen.reached,
         'AT_A_STEP': chosen.at_a_step,

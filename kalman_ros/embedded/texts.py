@@ -19,15 +19,14 @@ from .expressions import FUNCTIONS, function, number
 class Precision(NamedTuple):
     """A precision: its type in C, what is defined for it, and how near a result has to be.
 
-    ``repairs`` of a covariance are relative to its largest variance, a term of a series below
-    ``negligible`` ends it, a reference is ``reached`` within a share of its size, a time is that
-    of a step within a share of it (``at_a_step``), differences are taken at a share
-    (``difference``) of a number, and test vectors may differ by a share ``allowed``.
+    ``repairs`` of a covariance are relative to its largest variance, a reference is ``reached``
+    within a share of its size, a time is that of a step within a share of it (``at_a_step``),
+    differences are taken at a share (``difference``) of a number, and test vectors may differ by
+    a share ``allowed``.
     """
 
     type: str
     repairs: str
-    negligible: str
     reached: str
     at_a_step: str
     difference: str
@@ -39,7 +38,6 @@ PRECISIONS: Mapping[str, Precision] = {
     'float64': Precision(
         'double',
         '{1e-14, 1e-12, 1e-10, 1e-8}',
-        '1e-16',
         '1e-9',
         '1e-6',
         repr(float(np.finfo(float).eps) ** (1 / 3)),
@@ -48,7 +46,6 @@ PRECISIONS: Mapping[str, Precision] = {
     'float32': Precision(
         'float',
         '{1e-6f, 1e-5f, 1e-4f, 1e-3f}',
-        '1e-8f',
         '1e-4f',
         '1e-3',
         '5e-3f',
