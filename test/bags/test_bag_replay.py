@@ -2,6 +2,7 @@
 """A replay does what the estimator does with the same messages, however they arrived."""
 
 import hashlib
+import json
 import subprocess
 import sys
 
@@ -22,7 +23,7 @@ from kalman_ros.bags.reading import Bag
 from kalman_ros.bags.recording_writer import RecordingWriter
 from kalman_ros.bags.replay import estimator_settings, replay, replay_bag
 from kalman_ros.codecs.signal_codec import SignalCodec
-from kalman_ros.programs.replay import statistics, tables
+from kalman_ros.programs.replay import program, statistics, tables
 
 GYRO = ['angular_velocity.x', 'angular_velocity.y']
 START = 1_700_000_000_000_000_000
@@ -33,15 +34,15 @@ def wire(signal, time, *values):
     return bytes(serialize_message(SignalCodec(signal).encode(time, *values)))
 
 
-def recorded(folder, arrivals, values=VALUES, extra=()):
+def recorded(folder, arrivals, values=VALUES, extra=(), namespace=''):
     """Write readings and inputs, each (received, stamp, source, values), and return the folder."""
     scenario = estimator_settings(values).scenario
     with RecordingWriter(folder) as writer:
-        writer.add('/y', 'sensor_msgs/msg/JointState')
-        writer.add('/input', 'std_msgs/msg/Float64MultiArray')
+        writer.add(f'{namespace}/y', 'sensor_msgs/msg/JointState')
+        writer.add(f'{namespace}/input', 'std_msgs/msg/Float64MultiArray')
         for received, stamp, source, numbers in arrivals:
             signal = scenario.input if source is None else scenario.sensors[source].signal
-            topic = f'/{signal.topic}'
+            topic = f'{namespace}/{signal.topic}'
             writer.write(topic, START + received, wire(signal, START + stamp, np.array(numbers)))
         for topic, received, data in extra:
             writer.write(topic, START + received, data)
@@ -119,6 +120,25 @@ def test_a_part_of_the_recording(tmp_path):
     for wrong in ((1.0, 1.0), (-1.0, 2.0)):
         with pytest.raises(ValueError, match='part: expected 0 <= start < end'):
             replay(tmp_path / 'a', VALUES, start=wrong[0], end=wrong[1])
+
+
+@pytest.mark.slow
+def test_the_command_takes_a_part_and_a_namespace(tmp_path, capsys):
+    """Of 100 readings 10 ms apart in /robot, those from .2 to .4 s; in / there are none."""
+    every = [(k * 10**7, k * 10**7, 'y', [0.1, 0.2]) for k in range(100)]
+    file = tmp_path / 'robot.yaml'
+    file.write_text(json.dumps({'/**': {'ros__parameters': VALUES}}))
+    typed = [str(recorded(tmp_path / 'a', every, namespace='/robot')), '--params-file', str(file)]
+    typed += ['--out', str(tmp_path / 'out'), '--from', '0.2', '--to', '0.4']
+    with pytest.raises(SystemExit) as ended:
+        program.main([*typed, '--namespace', '/robot'])
+    assert ended.value.code in (0, 1), capsys.readouterr().err
+    summary = json.loads((tmp_path / 'out' / 'summary.json').read_text())
+    assert sum(summary['sensors']['y']['outcomes'].values()) == 21
+    with pytest.raises(SystemExit) as ended:
+        program.main(typed)
+    assert ended.value.code == 2
+    assert 'no topic /y; recorded are /robot/input, /robot/y' in capsys.readouterr().err
 
 
 def test_estimates_at_a_rate_are_predictions(tmp_path):

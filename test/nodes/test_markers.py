@@ -181,6 +181,17 @@ def test_the_node_subscribes_only_while_somebody_looks(pair):
     found.until(lambda: publisher.get_subscription_count() == 0, 'it stays subscribed')
 
 
+@pytest.mark.slow
+def test_a_node_draws_at_its_rate_a_track_of_its_length(pair):
+    node = pair(MarkersNode, marker_rate=4.0, track_length=3).node
+    assert [timer.timer_period_ns for timer in node.timers].count(250_000_000) == 1
+    found = node._drawing
+    for step in range(10):
+        found.estimate(step, np.full(4, float(step)))
+        markers = by_name(found.draw())
+    assert len(points(markers['track of estimate'])) == 3
+
+
 def peer_take(subscription):
     found = []
     while (taken := subscription.handle.take_message(subscription.msg_type, False)) is not None:

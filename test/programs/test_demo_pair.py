@@ -17,7 +17,8 @@ from rich.console import Console
 from kalman_ros import scenario
 from kalman_ros.analysis.checks import Check
 from kalman_ros.analysis.verdict import judge
-from kalman_ros.programs import demo
+from kalman_ros.harness import NodeError
+from kalman_ros.programs import demo, demo_run
 from kalman_ros.programs.tunings import tunings
 from kalman_ros.report import run_pictures
 from kalman_ros.report.pair_pictures import pair
@@ -33,6 +34,20 @@ def asked(tmp_path, *against, scenario='mass_spring_damper', parameters=()):
         scenario=scenario, against=list(against), parameters=list(parameters)
     )
     return tunings(options, tmp_path)
+
+
+@pytest.mark.parametrize(('given', 'lockstep'), [([], True), (['--realtime'], False)])
+def test_a_demo_is_in_lockstep_or_in_real_time(given, lockstep, tmp_path, monkeypatch):
+    modes = []
+
+    def run(*_, lockstep, **__):
+        modes.append(lockstep)
+        raise NodeError('enough')
+
+    monkeypatch.setattr(demo_run, 'Run', run)
+    with pytest.raises(SystemExit):
+        demo.main(['level', '--out', str(tmp_path), *given])
+    assert modes == [lockstep]
 
 
 def test_a_parameter_is_beside_the_one_of_the_file(tmp_path):

@@ -76,6 +76,18 @@ def test_the_path_of_a_file_becomes_a_table(tmp_path):
     assert 'MOTION' not in (tmp_path / 'd' / 'robot.c').read_text()
 
 
+def test_a_corner_is_cut_by_the_tolerance_of_the_path(tmp_path):
+    source = Path(__file__).parents[2] / 'docs' / 'examples' / 'robot_on_a_path.yaml'
+    corner = tmp_path / 'corner.yaml'
+    path = 'path: [0.0, 0.0, 1.5, 0.0, 1.5, 1.5]'
+    corner.write_text(re.sub(r'path: \[.*\]', path, source.read_text()))
+    for tolerance in (0.04, 0.08):
+        motion = export.of_file(corner, {'path_tolerance': tolerance}, control=True).law.motion
+        x, y = motion.states[:, :2].T
+        nearest = np.hypot(x - 1.5, y).min()
+        assert 0.9 * tolerance < nearest < 1.1 * tolerance
+
+
 def test_without_a_compiler_it_says_so(capsys, tmp_path, monkeypatch):
     monkeypatch.setattr(writing, 'compiler', lambda: ())
     export.main(['dc_motor', '--out', str(tmp_path / 'c'), '--steps', '5'])

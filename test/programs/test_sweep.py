@@ -9,6 +9,7 @@ import pytest
 from rich.console import Console
 from thorough import thorough
 
+import kalman_ros as kr
 from kalman_ros.core import Space
 from kalman_ros.programs.sweep import pictures
 from kalman_ros.programs.sweep import program as sweep
@@ -95,6 +96,27 @@ def test_cost_and_errors_beside_theory(tmp_path, capsys):
     shown = capsys.readouterr().out
     assert max(map(len, shown.splitlines())) <= 80 and 'theory' in shown
     assert (tmp_path / 'sweep.png').stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_averages_begin_after_a_time(tmp_path):
+    typed = '--over', 'input_cost=1..2:lin:2', *FEW
+    rms = {}
+    for after in (0.0, 1.5):
+        first, _ = swept(tmp_path, *typed, '--after', str(after))
+        rms[after] = [*first['rms'].values()]
+        many = kr.monte_carlo(
+            'mass_spring_damper_2d', {'input_cost': [1.0, 1.0]}, runs=6, seconds=2.0, after=after
+        )
+        np.testing.assert_allclose(rms[after], many.rms, rtol=1e-12)
+    assert rms[0.0] != rms[1.5]
+
+
+@pytest.mark.parametrize('after', ['-1', '2', 'nan'])
+def test_averages_of_nothing_are_refused(after, tmp_path, capsys):
+    with pytest.raises(SystemExit):
+        swept(tmp_path, '--over', 'input_cost=1..2:lin:2', *FEW, '--after', after)
+    assert 'after: expected 0 to 2 s' in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -93,6 +93,8 @@ def test_a_bag_is_fitted_judged_and_drawn(recording, tmp_path, capsys):
     (['--fit', 'mss'], "did you mean 'mass'"),
     (['--fit', 'mass', '--bounds', 'mass=2..3'], 'exclude the start'),
     (['--bounds', 'mass=2-3'], '--bounds: expected NAME=NUMBER..NUMBER'),
+    (['--prior', 'mass=1.4'], '--prior: expected NAME=NUMBER+-NUMBER'),
+    (['--fit', 'mass', '--prior', 'mass=1.4+-0'], 'expected a prior of a mean and a standard'),
     (['--hold-out', '1'], '--hold-out'),
     (['-p', 'model_parameters.mass:=-1.0'], 'mass'),
 ])  # fmt: skip
@@ -120,6 +122,14 @@ def test_a_fit_that_determines_nothing_fails_and_pastes_nothing(recording, tmp_p
     out = capsys.readouterr().out
     assert 'FAIL, 0 of 1 parameters determined' in out and 'For the parameter file' not in out
     assert not (tmp_path / 'fitted.yaml').read_text()
+
+
+def test_a_prior_that_is_sure_holds_a_parameter(recording, tmp_path):
+    bag, file = recording
+    given = '--fit', 'mass', 'position.noise', '--prior', 'mass=1.4+-0.0001', '--out', tmp_path
+    run(bag, '--params-file', file, *given)
+    fitted = from_file(tmp_path / 'fitted.yaml', 'estimator')
+    assert fitted['model_parameters.mass'] == pytest.approx(1.4, abs=2e-3)
 
 
 def test_a_bag_that_is_missing_is_refused(tmp_path, capsys):

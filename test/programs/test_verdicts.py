@@ -81,6 +81,18 @@ def test_studies_go_on_after_one_that_fails_and_end_with_a_table(studies, tmp_pa
     assert not json.loads((tmp_path / 'bad' / 'summary.json').read_text())['passed']
 
 
+def test_a_study_gets_its_size(studies, tmp_path, monkeypatch):
+    sizes = []
+    good = sys.modules['kalman_ros.programs.study.good']
+    monkeypatch.setattr(
+        good, 'study', lambda size: sizes.append(size) or Findings([GOOD], Path.touch)
+    )
+    for given in ([], ['--size', '0.3']):
+        with pytest.raises(SystemExit):
+            study.main(['good', '--out', str(tmp_path), *given])
+    assert sizes == [1.0, 0.3]
+
+
 @pytest.mark.parametrize(('name', 'code'), [('good', 0), ('bad', 1), ('broken', 2)])
 def test_the_exit_code_is_that_of_the_worst_study(studies, tmp_path, name, code):
     with pytest.raises(SystemExit) as ended:

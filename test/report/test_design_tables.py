@@ -4,8 +4,10 @@
 import io
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rich.console import Console
+from scipy.linalg import expm
 from thorough import mostly_thorough
 
 from kalman_ros import scenario
@@ -48,6 +50,31 @@ def test_nothing_is_cut_at_80_columns(name):
                 assert all(word in words for word in plain(cell).split()), cell
     said = [structure(found), *closing(found), *notes(found), *warnings(found, 1.0 / built.rate)]
     assert not any('bear' in sentence.replace('bearing', '') for sentence in said)
+
+
+def test_matrices_are_those_of_the_system():
+    """m dv/dt = -c v - k x + u, sampled, with dlqr's K and the Joseph form's P = (I - L C) P_p."""
+    values = {
+        'model': 'mass_spring_damper', 'rate': 50.0,
+        'model_parameters.mass': 2.0, 'model_parameters.stiffness': 8.0,
+        'model_parameters.damping': 3.0, 'model_parameters.force_noise': 0.5,
+        'sensors': ['position'], 'position.noise': [0.2], 'position.rate': 50.0,
+    }  # fmt: skip
+    built = scenario.build(values)
+    M = {
+        title.split()[0].rstrip(','): np.array([cells for _, cells in sheet.columns], float).T
+        for title, sheet in matrices(report(built, duration=2.0))
+    }
+    np.testing.assert_allclose(M['A'], [[0.0, 1.0], [-4.0, -1.5]])
+    np.testing.assert_allclose(M['B'], [[0.0], [0.5]])
+    np.testing.assert_allclose(M['C'], [[1.0, 0.0]])
+    np.testing.assert_allclose(M['R'], [[0.04]])
+    np.testing.assert_allclose(M['F'], expm(0.02 * M['A']), atol=2e-4)
+    F, G, C, P, K, L = (M[name] for name in 'FGCPKL')
+    assert np.abs(np.linalg.eigvals(F - G @ K)).max() < 1.0
+    np.testing.assert_allclose(L, P @ C.T / 0.04, rtol=2e-3)  # K = P H' R^-1
+    prior = F @ P @ F.T + M['Q']
+    np.testing.assert_allclose(P, (np.eye(2) - L @ C) @ prior, rtol=2e-2)
 
 
 def test_a_wide_sheet_is_continued_below():

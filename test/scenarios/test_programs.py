@@ -233,6 +233,13 @@ def test_the_demo_passes_and_writes_its_results(environment, tmp_path):
 
 
 @pytest.mark.thorough
+def test_a_demo_is_drawn_in_motion(environment, tmp_path):
+    code, output = finish(demo(environment, tmp_path, '--duration', '12', '--animate'), 200)
+    assert code == 0, output
+    assert (tmp_path / 'out' / 'animation.gif').read_bytes().startswith(b'GIF8')
+
+
+@pytest.mark.thorough
 def test_the_demo_fails_when_the_statistics_do_not_hold(environment, tmp_path):
     """The plant's tachometer is noisier than it says, by the plant's own section of the file."""
     path = tmp_path / 'liar.yaml'

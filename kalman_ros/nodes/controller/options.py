@@ -85,7 +85,7 @@ class ControllerOptions(NodeOptions):
         float,
         About(
             'how far a motion may be from the path or trajectory, in the unit of each state, '
-            'beyond a tenth of its extent; right angles are cut by as much',
+            'beyond a tenth of its extent; right angles are cut by that at most',
             minimum=0.0,
             live=True,
         ),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``design --within``: the worst case on the terminal."""
+"""``design``: the worst case and the matrices on the terminal."""
 
 from __future__ import annotations
 
@@ -16,6 +16,16 @@ def test_worst_case_is_printed(tmp_path, capsys, monkeypatch) -> None:
     assert 'Worst case over mass 0.8 to 1.25' in text
     assert 'Structured singular value' in text
     assert all(len(line) <= 80 for line in text.splitlines())
+
+
+@pytest.mark.slow
+def test_matrices_are_printed_only_where_they_are_wanted(tmp_path, capsys, monkeypatch) -> None:
+    monkeypatch.setenv('COLUMNS', '80')
+    titles = 'A of dx/dt', 'B of dx/dt', 'C of y', "F of x'", "G of x'", 'Q, process', 'R, noise'
+    for given in ([], ['--matrices']):
+        design.main(['mass_spring_damper', '--out', str(tmp_path), *given])
+        text = capsys.readouterr().out
+        assert [title in text for title in titles] == len(titles) * [bool(given)]
 
 
 @pytest.mark.parametrize(
