@@ -21,9 +21,9 @@ from time import monotonic
 from typing import Any
 
 import numpy as np
-from scipy.linalg.lapack import dposv, dpotrs
 
 from kalman_ros.core import Array
+from kalman_ros.linear.lapack import dposv, dpotrs
 
 #: A limit is exceeded by more than this, relative to the larger of its bound and 1.
 _EXCEEDED = 1e-9

@@ -6,7 +6,6 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.special import chdtr
 
 from kalman_ros.core import Array
 from kalman_ros.linear.kernels import kernels
@@ -107,6 +106,8 @@ class Adaptation(NamedTuple):
 
 def adaptation(k: int, soft_gate: float, gate: float) -> Adaptation:
     """Return the adaptation to readings of ``k`` numbers, by the limits of their NIS."""
+    from scipy.special import chdtr  # slow to import
+
     limit = min(soft_gate, gate, chi_square_gate(1.0 - _FEW, k))
     fused = float(chdtr(k, gate))
     # of a chi-square x: E[x; x < c] = k P(x' < c), with x' of two degrees of freedom more

@@ -15,6 +15,7 @@ Arguments are positional; keywords take twice the time:
 ``dsymm(alpha, A, B)``                                    alpha A B; of A the upper triangle
 ``dposv(A, B)``                                           a factor, A^-1 B, and 0 if A is definite
 ``dpotrf(A, lower, clean)``                               a factor, and 0 if A is definite
+``dpotrs(L, B)``                                          A^-1 B by a factor, and 0
 ``dtrtri(L, lower)``                                      L^-1 of a triangle, and 0 if it exists
 ========================================================  ========================================
 
@@ -55,4 +56,5 @@ dger = _blas.dger
 dsymm = _blas.dsymm
 dposv = _lapack.dposv
 dpotrf = _lapack.dpotrf
+dpotrs = _lapack.dpotrs
 dtrtri = _lapack.dtrtri
