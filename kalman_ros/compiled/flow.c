@@ -47,7 +47,9 @@ static int all_finite(const real *A)
     return 1;
 }
 
-FAST static int flow(const real *x, const real *u, real dt, const real *p, real *F, real *Q)
+/* without with_F, F may remain unknown */
+FAST static int flow(const real *x, const real *u, real dt, const real *p, real *F, real *Q,
+                     int with_F)
 {
     real a[A_COUNT + 1], w[W_COUNT + 1], sums[ORDER] = {0}, norm = 0;
     real F_term[ORDER * ORDER] = {0}, term[ORDER * ORDER] = {0}, half[ORDER * ORDER];
@@ -72,7 +74,7 @@ FAST static int flow(const real *x, const real *u, real dt, const real *p, real 
     for (int i = 0; i < ORDER; i++)
         F[i * ORDER + i] += 1;
     /* a series ends where its term changes no number of the sum */
-    int F_grows = 1, Q_grows = 1;
+    int F_grows = with_F || halvings, Q_grows = 1;
     for (int k = 2; k <= TERMS && Q_grows; k++) {
         product(A_COUNT, A_ROW, A_COLUMN, a, 1 / (real)k, term, half);
         Q_grows = 0;

@@ -56,6 +56,19 @@ FAST void predictions(double *v, long count, double dt, double max_step, long nu
     }
 }
 
+/* here v receives the Q of a step alone */
+void noises(double *v, long count, double dt, const double *first, long sets)
+{
+    const double *x = v, *u = x + count * N, *p = first;
+    double *Q = v + count * (N + M), F[N * N];
+    EACH(k, count) {
+        if (flow(x, u, dt, p, F, Q, 0))
+            for (int i = 0; i < N * N; i++)
+                Q[i] = NAN;
+        Q += N * N;
+    }
+}
+
 void steps(double *v, long count, double dt, double max_step, const double *first, long sets)
 {
     const double *x = v, *u = x + count * N, *p = first;

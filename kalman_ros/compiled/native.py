@@ -147,7 +147,21 @@ class NativeModel(_Numbered, Model):
 
     def noise_covariance(self, x: Array, u: Array, dt: float) -> Array:
         """Return Q (..., n, n), what the noise adds in a step of length ``dt`` from x (..., n)."""
-        return self.linearized_step(x, u, dt).Q
+        return self.step_noise(x, u, dt)
+
+    def step_noise(self, x: Array, u: Array, dt: float) -> Array:
+        """Return the Q (..., n, n) of `linearized_step`."""
+        if x.ndim == 1:
+            return self.linearized_step(x, u, dt).Q
+        n, u = x.shape[-1], like(u, x)
+        found = self._c_called(self._c_library.noises, x, u, n * n, dt)
+        if found is None:
+            raise ValueError(f'x, u: expected (..., n) and (..., m), got {x.shape}, {u.shape}')
+        Q = found.reshape(-1, n, n)
+        if not is_finite(found):
+            for k, original in self._c_lost(Q, NativeModel):
+                Q[k] = _linearized(original, x.reshape(-1, n)[k], u.reshape(len(Q), -1)[k], dt)[1]
+        return Q.reshape(*x.shape, n)
 
     def linearized_step(self, x: Array, u: Array, dt: float) -> LinearizedStep:
         """Return the state (..., n) after a step with u (..., m), with the step's F and Q."""
@@ -284,6 +298,7 @@ def native_model(model: Model, *, wait: bool = True) -> Model:
     library.linearized_step.restype = ctypes.c_int
     _declare(library.rates)
     _declare(library.steps, _NUMBER, _NUMBER)
+    _declare(library.noises, _NUMBER)
     _declare(library.linearized_steps, _NUMBER, _NUMBER)
     _declare(library.predictions, _NUMBER, _NUMBER, ctypes.c_long)
     found: Model = derive(

@@ -38,13 +38,14 @@ static void advance(const real *x, const real *u, real dt, real max_step,
 static int linearize(const real *x, const real *u, real dt, real max_step,
                      const real *p, real *moved, real *F, real *Q)
 {
-    int outcome = flow(x, u, dt, p, F, Q);
 #ifdef SLOPE
+    int outcome = flow(x, u, dt, p, F, Q, 0);
     memset(F, 0, N * N * sizeof *F);
     for (int i = 0; i < N; i++)
         F[i * N + i] = 1;
     advance(x, u, dt, max_step, p, moved, F);
 #else
+    int outcome = flow(x, u, dt, p, F, Q, 1);
     advance(x, u, dt, max_step, p, moved, 0);
 #endif
     return outcome;

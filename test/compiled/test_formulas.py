@@ -128,6 +128,22 @@ def test_every_shipped_model_moves_any_number_of_states(name):
 
 
 @C
+@pytest.mark.parametrize('name', mostly_thorough(NONLINEAR, 'robot_3d', 'cart_pole'))
+def test_the_noise_alone_is_that_of_the_whole_step(name):
+    """Also where a step is so long that it is halved, and where a state is lost."""
+    model = believed(name).model
+    if isinstance(model, LinearSystem):
+        pytest.skip('the model is linear')
+    fast, (x, u) = stacked(compiled(model)), points(model)
+    x[1] = 1e200
+    for dt in (1e-6, 0.013, 3.0):
+        with np.errstate(over='ignore'):
+            found, whole = fast.step_noise(x, u, dt), fast.linearized_step(x, u, dt).Q
+        assert np.array_equal(found, whole, equal_nan=True)
+        assert np.isfinite(found[0]).all()
+
+
+@C
 @pytest.mark.parametrize('name', NONLINEAR)
 def test_several_steps_at_once_are_those_one_by_one(name):
     model = believed(name).model

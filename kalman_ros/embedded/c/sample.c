@@ -6,7 +6,7 @@
 static int sample(real dt, real *F, real *G, real *Q)
 {
     real whole[ORDER * ORDER], noise[ORDER * ORDER];
-    if (flow(0, 0, dt, 0, whole, noise) != DONE)
+    if (flow(0, 0, dt, 0, whole, noise, 1) != DONE)
         return OVERFLOW_WITHIN;
     for (int i = 0; i < N; i++) {
         for (int j = 0; j < N; j++) {
