@@ -20,7 +20,7 @@ from kalman_ros.nodes.controller.node import ControllerNode
 from kalman_ros.nodes.estimator.node import EstimatorNode
 from kalman_ros.nodes.middleware.file_arguments import hint, readable
 from kalman_ros.nodes.middleware.parameters import given
-from kalman_ros.nodes.middleware.runtime import _warn_of_other_files
+from kalman_ros.nodes.middleware.runtime import _warn_of_files
 from kalman_ros.nodes.plant.node import PlantNode
 
 CONFIG = Path(__file__).parents[2] / 'config'
@@ -156,7 +156,36 @@ def test_a_file_without_a_section_for_the_node_is_noticed(
     argv = [*arguments, *(() if section is None else ('--params-file', str(file)))]
     node = start('estimator', *argv)
     monkeypatch.setattr(node, 'get_logger', lambda: SimpleNamespace(warning=said.append))
-    _warn_of_other_files(node, argv)
+    _warn_of_files(node, argv)
     assert bool(said) is warned
     if said:
         assert said[0].startswith('no section of the parameter file is for /estimator: it has the')
+
+
+@pytest.mark.parametrize(
+    ('argument', 'warned'),
+    [
+        ('publish_rate:=50.0', True), ('publish_rate:=20', False), ('frame:=odom', True),
+        ('frame:=base', False), ('sensors:=[position]', True), ('sensors:=[]', False),
+        ('estimator:publish_rate:=50.0', False), ('rate:=100.0', False),
+    ],
+)  # fmt: skip
+def test_an_argument_that_the_section_of_the_node_hides_is_named(
+    start, tmp_path, monkeypatch, argument, warned
+):
+    """ROS takes the section of the node, wherever the argument for every node stands."""
+    file, said = tmp_path / 'robot.yaml', []
+    own = "{publish_rate: 20.0, frame: base, sensors: ['']}"
+    file.write_text(
+        f'/**: {{ros__parameters: {{rate: 50.0}}}}\nestimator:\n  ros__parameters: {own}\n'
+    )
+    argv = ['--params-file', str(file), '-p', argument]
+    node = start('estimator', *argv)
+    monkeypatch.setattr(node, 'get_logger', lambda: SimpleNamespace(warning=said.append))
+    _warn_of_files(node, argv)
+    name = argument.partition(':=')[0]
+    assert [words.partition(':')[0] for words in said] == warned * [name]
+    if argument == 'estimator:publish_rate:=50.0':
+        assert node.get_parameter('publish_rate').value == 50.0
+    if argument == 'rate:=100.0':  # is in the section for every node, which the argument replaces
+        assert node.get_parameter('rate').value == 100.0

@@ -4,11 +4,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
-from kalman_ros.scenario.parameter_files import bounded_text, unambiguous
+from kalman_ros.core import Value
+from kalman_ros.scenario.parameter_files import bounded_text, overrides, unambiguous
 
 from .private_folder import PrivateFolder
 
@@ -37,6 +40,30 @@ def readable(arguments: Sequence[str]) -> Iterator[list[str]]:
             if argument == _FILE:
                 found[index + 1] = _copied(Path(found[index + 1]), folder / f'{index}.yaml')
         yield found
+
+
+def overruled(arguments: Sequence[str], values: Mapping[str, Value]) -> list[str]:
+    """Return the names of ``-p NAME:=VALUE`` arguments that have another value.
+
+    ROS lets the section of a file for the node win over arguments for every node.
+    """
+    typed: dict[str, Any] = {}
+    for flag, argument in pairwise(arguments):
+        name = argument.partition(':=')[0]
+        if flag in ('-p', '--param') and ':' not in name:
+            with suppress(ValueError):
+                typed.update(overrides([argument]))
+    return [
+        name for name, value in typed.items() if name in values and not _same(value, values[name])
+    ]
+
+
+def _same(typed: Any, value: Any) -> bool:
+    """Return whether a value is the one that was typed; without a type, an empty list is ['']."""
+    if isinstance(typed, list):
+        found = [each for each in value if each != ''] if isinstance(value, Iterable) else [value]
+        return len(typed) == len(found) and all(map(_same, typed, found))
+    return bool(typed == value or (typed != typed and value != value))
 
 
 def hint(reason: str) -> str:

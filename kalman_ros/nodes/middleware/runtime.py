@@ -28,7 +28,7 @@ from kalman_ros.scenario.parameter_files import own_section
 
 from . import bond, parameters, topics
 from .diagnostics import Diagnostics, Level, Report
-from .file_arguments import hint, readable
+from .file_arguments import hint, overruled, readable
 from .interruption import Interruption
 from .managed import ACTIVE, UNCONFIGURED, ManagedNode, reason
 from .priority import take_priority
@@ -247,7 +247,7 @@ def main(build: Callable[[], ScenarioNode]) -> None:
         if wants_help(sys.argv[1:]):
             print(usage(node))
         else:
-            _warn_of_other_files(node, sys.argv)
+            _warn_of_files(node, sys.argv)
             _spin(node, interruption)
     finally:
         interruption.ignore()
@@ -255,8 +255,13 @@ def main(build: Callable[[], ScenarioNode]) -> None:
         rclpy.try_shutdown()
 
 
-def _warn_of_other_files(node: ScenarioNode, argv: Sequence[str]) -> None:
-    """Warn if there are parameter files, none of which has a section for the node."""
+def _warn_of_files(node: ScenarioNode, argv: Sequence[str]) -> None:
+    """Warn of files without a section for the node, and of arguments that such a section hides."""
+    for name in overruled(argv, parameters.given(node)):
+        node.get_logger().warning(
+            f'{name}: the section of the parameter file for {node.get_name()} counts, and not '
+            f'-p {name}:=VALUE; -p {node.get_name()}:{name}:=VALUE would'
+        )
     single = sum(argument in ('-p', '--param') for argument in argv)
     if '--params-file' in argv and node.given_count <= single:
         name = node.get_fully_qualified_name()
