@@ -2,6 +2,8 @@
 """How a node ends: at rest before anything that may wait. And an answer that comes late counts."""
 
 import gc
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -54,6 +56,24 @@ def test_a_node_rests_before_its_executor_waits_for_its_threads(error, monkeypat
     else:
         runtime._spin(witness, interruption)
     assert witness.calls == ['own_process', 'rest', 'shutdown']
+
+
+@pytest.mark.slow
+def test_an_end_that_waits_for_itself_is_cut_off():
+    """What waits holds the lock of the interpreter, as a middleware may."""
+    code = (
+        'import ctypes\n'
+        'from kalman_ros.nodes.middleware import runtime\n'
+        'runtime._END = 0.2\n'
+        'with runtime._bounded():\n'
+        '    pass\n'
+        'print("ended", flush=True)\n'
+        'with runtime._bounded():\n'
+        '    ctypes.PyDLL(None).sleep(60)\n'
+    )
+    out = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, timeout=50)
+    assert (out.returncode, out.stdout) == (1, 'ended\n')
+    assert 'Timeout' in out.stderr and 'File' in out.stderr
 
 
 def test_an_output_that_is_closed_does_not_wait_for_subscribers():

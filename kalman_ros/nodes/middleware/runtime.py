@@ -7,7 +7,8 @@ import faulthandler
 import gc
 import inspect
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
+from contextlib import contextmanager
 from typing import Any
 
 import rclpy
@@ -39,6 +40,8 @@ from .watcher import WatcherNode
 #: The timeout of the executor's wait, in seconds. A signal ends it at once; each wait leaks 30
 #: bytes, so there should be few, and one without a timeout does not wait at all.
 _PATIENCE = 3600.0
+#: How long the end of a node may take, in seconds.
+_END = 10.0
 
 
 class ScenarioNode(WatcherNode, ManagedNode):
@@ -251,8 +254,23 @@ def main(build: Callable[[], ScenarioNode]) -> None:
             _spin(node, interruption)
     finally:
         interruption.ignore()
-        node.destroy_node()
-        rclpy.try_shutdown()
+        with _bounded():
+            node.destroy_node()
+            rclpy.try_shutdown()
+
+
+@contextmanager
+def _bounded() -> Iterator[None]:
+    """End the process where it is, with exit code 1 and its stack, if that takes too long.
+
+    Fast DDS may wait for itself if another participant leaves while it is destroyed, for ever, and
+    holds the interpreter's lock meanwhile; signals are ignored by then.
+    """
+    faulthandler.dump_traceback_later(_END, exit=True)
+    try:
+        yield
+    finally:
+        faulthandler.cancel_dump_traceback_later()
 
 
 def _warn_of_files(node: ScenarioNode, argv: Sequence[str]) -> None:
@@ -289,7 +307,8 @@ def _spin(node: ScenarioNode, interruption: Interruption) -> None:
         interruption.ignore()
         # before the executor: it waits for its threads, which a busy machine may not let run
         node.rest()
-        executor.shutdown()
+        with _bounded():
+            executor.shutdown()
 
 
 def _of(known: Iterable[str], values: Mapping[str, Value]) -> dict[str, Value]:
