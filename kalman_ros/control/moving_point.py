@@ -2,7 +2,8 @@
 """A moving set point: the input that a state needs to move as it does, without an error.
 
 Coordinates that the input does not act on directly, such as a position, follow from the others.
-The input keeps the others, such as a velocity, at their rates: at rest where none is given.
+The input keeps the others, such as a velocity, at their rates: at rest where none is given. A
+speed that it does not act on directly, behind the lag of an actuator, may not change either.
 """
 
 from __future__ import annotations
@@ -44,5 +45,11 @@ def steady_input(model: Model, x: Array, rate: Array) -> SteadyInput:
         rows = driven(model, x, u)
         missed = np.where(rows, rate - model.derivative(x, u), 0.0)
         u = u + np.linalg.lstsq(B[rows], missed[rows], rcond=None)[0]
-    missed = np.where(driven(model, x, u), rate - model.derivative(x, u), 0.0)
-    return SteadyInput(u, missed)
+    kept = np.logical_or(driven(model, x, u), _speeds(model))
+    return SteadyInput(u, np.where(kept, rate - model.derivative(x, u), 0.0))
+
+
+def _speeds(model: Model) -> Array:
+    """Return which coordinates (n,) are in the unit of another one by s, as booleans."""
+    units = model.state.units
+    return np.array([unit.endswith('/s') and unit[:-2] in units for unit in units])

@@ -62,8 +62,15 @@ class FeedForward:
         r = vector('reference', reference, len(self.coordinates))
         return Equilibrium(self.state_gain @ r, self.input_gain @ r)
 
-    def equilibrium(self, reference: ArrayLike) -> Equilibrium:
+    def equilibrium(self, reference: ArrayLike, rest: ArrayLike | None = None) -> Equilibrium:
         """Return the equilibrium that is exactly at a reference.
+
+        Parameters
+        ----------
+        reference
+            As its difference from ``rest`` (k,).
+        rest
+            The coordinates at rest (k,), for the message of an error; zero by default.
 
         Raises
         ------
@@ -75,9 +82,13 @@ class FeedForward:
         at = found.state[list(self.selected)]
         missed = np.abs(at - r) > _REACHED * max(float(np.abs(r).max(initial=0.0)), 1e-300)
         if missed.any():
+            about = np.zeros(len(r)) if rest is None else vector('rest', rest, len(r))
+            at = np.where(np.abs(at) > _REACHED * np.abs(r).max(), at, 0.0)
             listed = ', '.join(
-                f'{name} = {wanted:.3g} (nearest {near:.3g})'
-                for name, wanted, near, there in zip(self.coordinates, r, at, missed)
+                f'{name} = {wanted:.4g} (nearest {near:.4g})'
+                for name, wanted, near, there in zip(
+                    self.coordinates, about + r, about + at, missed
+                )
                 if there
             )
             raise ValueError(f'reference: no input holds the system at {listed}')

@@ -141,7 +141,7 @@ def target(scenario: Scenario, equilibria: FeedForward, state: Array) -> Operati
     difference = scenario.model.state.subtract(state, rest.state)
     if not np.isfinite(difference).all():
         raise ValueError('reference: expected finite numbers')
-    found = equilibria.equilibrium(difference)
+    found = equilibria.equilibrium(difference, rest.state)
     held = OperatingPoint(rest.state + found.state, rest.input + found.input)
     if not all(map(is_finite, held)):
         raise ValueError('reference: expected numbers whose squares are finite')

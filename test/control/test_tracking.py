@@ -38,6 +38,16 @@ def test_a_body_that_rests_does_not_move(stiffness):
         feed_forward(body(stiffness), ['v']).equilibrium([0.5])
 
 
+def test_what_is_not_reached_is_said_as_it_was_asked_for():
+    """About a place at rest of x = 3 m and v = 0, in its numbers and without rounding errors."""
+    tracking = feed_forward(body(), ['x', 'v'])
+    with pytest.raises(ValueError, match=r'at v = 0\.5 \(nearest 0\)$'):
+        tracking.equilibrium([0.0, 0.5], [3.0, 0.0])
+    stuck = LinearSystem(body().A, np.zeros((2, 1)), np.zeros((2, 2)), MASS, FORCE)
+    with pytest.raises(ValueError, match=r'at x = 3\.2 \(nearest 3\), v = 1 \(nearest 0\)$'):
+        feed_forward(stuck, ['x', 'v']).equilibrium([0.2, 1.0], [3.0, 0.0])
+
+
 def test_inputs_that_do_the_same_share():
     found = feed_forward(body(inputs=2)).equilibrium([0.3, 0.0])
     np.testing.assert_allclose(found.input, [0.6, 0.6], rtol=1e-9)

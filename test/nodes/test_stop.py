@@ -152,10 +152,14 @@ def test_a_fault_ends_as_resume_says(pair, resume, state):
 
 
 @pytest.mark.slow
-def test_without_its_heartbeat_the_input_goes_to_idle(pair):
+def test_without_its_heartbeat_the_input_goes_to_idle(pair, monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr('kalman_ros.nodes.controller.stop.monotonic', lambda: now[0])
     started = pair(ControllerNode, heartbeat_timeout=0.3)
     node = started.node
     beats = started.publisher(Empty, 'heartbeat')
+    assert not node._heartbeat_problem()
+    now[0] = 100.4
     started.until(lambda: 'no heartbeat' in level(node), 'no fault')
     beats.publish(Empty())
     started.until(lambda: not node._heartbeat_problem(), 'not heard')

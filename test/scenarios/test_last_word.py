@@ -345,7 +345,7 @@ def test_a_filter_on_two_topics_is_no_fault():
                 estimates.publish(message)
                 run.spin(0.005)
         ignored = lambda: run.reported('controller', 'estimates ignored: older than the last')  # noqa: E731
-        run.wait(lambda: int(ignored() or 0) > 100, 5.0, ignored)
+        run.wait(lambda: int(ignored() or 0) > 100, 60.0, ignored)
         assert (ear.forces()[:, 0] < -1.0).all()
         log = run.processes['controller'].output()
         assert 'went back' not in log
@@ -365,10 +365,10 @@ def test_a_time_that_began_again_is_followed_soon():
             estimates.publish(message)
             run.spin(0.01)
 
-        run.wait(lambda: send(1.0, 0.0) or ear.last[0] < -1.0, 5.0, lambda: 'no force')
+        run.wait(lambda: send(1.0, 0.0) or ear.last[0] < -1.0, 60.0, lambda: 'no force')
         withheld = Withheld([run.processes['controller'].pid, os.getpid()], (WATCHER,))
         start, at = len(ear.came), time.monotonic()
-        run.wait(lambda: send(-1.0, 3.0) or ear.last[0] > 1.0, 5.0, lambda: 'it is not followed')
+        run.wait(lambda: send(-1.0, 3.0) or ear.last[0] > 1.0, 60.0, lambda: 'it is not followed')
         assert time.monotonic() - at - withheld() < 0.5
         assert 'went back by' in run.processes['controller'].output()
         # one step on the way to idle tells of it; nothing was answered before
@@ -390,7 +390,7 @@ def test_idle_is_the_input_of_the_equilibrium_where_that_is_asked_for():
         run.spin(0.3)
         np.testing.assert_allclose(run.recorder[topic].values[-1], hover, rtol=1e-12)
         said = lambda: run.diagnostics['plant'].message  # noqa: E731
-        run.wait(lambda: "it is the equilibrium's" in said(), 5.0, said)
+        run.wait(lambda: "it is the equilibrium's" in said(), 60.0, said)
         depths = run.recorder['ground_truth'].values[-50:, :3]
         assert np.abs(np.diff(depths, axis=0)).max() < 0.05
 

@@ -12,13 +12,13 @@ from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireReader
 from kalman_ros.control.motion import Motion
 from kalman_ros.control.tracking import FeedForward
-from kalman_ros.core import Array, Signal, is_finite
+from kalman_ros.core import Array, Signal
 from kalman_ros.nodes.middleware.host import Host
 from kalman_ros.nodes.middleware.topics import QUEUE, on_topic
 from kalman_ros.pipeline.throttle import Throttle
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.motions import moving_point
-from kalman_ros.scenario.regulator import steered, tracking
+from kalman_ros.scenario.regulator import steered, target, tracking
 
 _POSE = 'pose.pose.'
 
@@ -62,7 +62,6 @@ class ReferenceReader:
         self._last: tuple[int, Array] | None = None
         #: Number of references that were refused.
         self.refused = 0
-        self._rest = scenario.model.equilibrium
         self.adopt(scenario, tracking(scenario))
         self._space = scenario.model.state
 
@@ -110,14 +109,13 @@ class ReferenceReader:
             raise ValueError(f"expected the frame '{expected}' of the estimate, got '{given}'")
 
     def _on_values(self, time: int | None, values: Array, given: list[int]) -> None:
-        state = self._rest.state.copy()
-        state[given] = values
-        difference = self._space.subtract(state, self._rest.state)
-        if not np.isfinite(difference).all():
+        if not np.isfinite(values).all():
             raise ValueError('expected finite numbers')
+        state = self._scenario.model.equilibrium.state.copy()
+        state[given] = values
         before, self._last = self._last, None if time is None else (time, state)
         try:
-            found = self.equilibria.equilibrium(difference)
+            held = target(self._scenario, self.equilibria, state)
         except ValueError as error:
             self._move(self._moving(before, state, error))
             return
@@ -126,10 +124,7 @@ class ReferenceReader:
                 'at rest no input moves all states of this model: publish a path, or a reference '
                 'that moves'
             )
-        target = self._rest.state + found.state, self._rest.input + found.input
-        if not all(map(is_finite, target)):
-            raise ValueError('expected finite numbers')
-        self._hold(*target)
+        self._hold(*held)
 
     def _moving(self, before: tuple[int, Array] | None, state: Array, error: ValueError) -> Motion:
         """Return how a state moves on, at the rate since the one before if that is known."""
@@ -139,7 +134,8 @@ class ReferenceReader:
         if before is not None and self._last is not None:
             since = (self._last[0] - before[0]) * 1e-9
             if 0.0 < since < self._timeout:
-                rate = self._space.subtract(state, before[1]) / since
+                change = self._space.subtract(state, before[1])
+                rate = change / since if change.any() else None
         try:
             return moving_point(self._scenario, state, rate, self._timeout, since)
         except ValueError:
