@@ -175,10 +175,11 @@ def refuse_unknown(names: Iterable[str], known: Iterable[str], kind: str) -> Non
 def nearest(name: str, known: Iterable[str]) -> str:
     """Return "did you mean" with the nearest of the ``known`` names; '' if none is close.
 
-    A name that ends with ``name``, after a dot, is nearest.
+    A name that ends with ``name``, after a dot, is nearest, and then one in another case.
     """
     known = list(known)
     whole = [option for option in known if option.endswith(f'.{name}')]
+    whole = whole or [option for option in known if option.lower() == name.lower()]
     near = whole or get_close_matches(name, known, n=1)
     return f"did you mean '{near[0]}'?" if near else ''
 

@@ -208,11 +208,15 @@ class Fuser:
         """Return the newest estimate (n,) of the model's own states."""
         return self.scenario.believed.own(self.online.belief).mean
 
-    def reset(self, belief: Gaussian) -> None:
+    def begin(self, belief: Gaussian) -> None:
         """Drop all messages and their statistics, and start from a belief; counts are kept."""
         self.online.reset(belief)
-        self.resets += 1
         self._reset_statistics()
+
+    def reset(self, belief: Gaussian) -> None:
+        """Begin again from a belief, as requested, and count it."""
+        self.begin(belief)
+        self.resets += 1
 
     def restart(self) -> None:
         """Reset because time went back, and count it."""

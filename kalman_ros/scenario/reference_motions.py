@@ -93,6 +93,10 @@ def along_path(
     used = points[:, ['xyz'.index(axis) for axis in axes]]
     if not np.isfinite(used).all():
         raise ValueError('expected finite positions')
+    if not np.ptp(used, axis=0).any() and np.ptp(points, axis=0).any():
+        raise ValueError(
+            f'expected points that differ in {", ".join(axes)}, the position that this model has'
+        )
     dt = 1.0 / scenario.rate
     coordinates = tuple(body.index[axis] for axis in axes)
     velocity = np.zeros(len(axes)) if beginning is None else beginning.rate[list(coordinates)]

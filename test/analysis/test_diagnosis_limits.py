@@ -167,6 +167,18 @@ def test_readings_are_late_by_more_than_a_time_that_is_harmless(latencies, kind)
     assert all(finding.note for finding in findings)  # the window is longer
 
 
+def test_fixes_without_a_position_are_not_blamed_on_a_division():
+    value = np.arange(8.0)
+    value[:5] = np.nan
+    given = record(0.05 * np.arange(8), value=value)
+    given.outcome[:3] = Outcome.NO_FIX.name
+    found = {each.kind: each for each in rate.find(case(given)) if 'are dropped' in each.sentence}
+    assert found['no position fix'].sentence.startswith(
+        '3 of 8 readings of position (37.5 %) have'
+    )
+    assert found['not a number'].sentence.startswith('2 of 8 readings of position (25 %)')
+
+
 @pytest.mark.parametrize('count', [2, 3])
 def test_delays_are_found_from_three_readings_on(count):
     stamp = np.arange(float(count))

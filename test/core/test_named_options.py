@@ -6,6 +6,7 @@ from typing import Annotated
 import pytest
 
 from kalman_ros.core import About, build_with, options_of, refuse_unknown
+from kalman_ros.core.named_options import nearest
 from kalman_ros.simulation.faults.body import BodyOptions
 
 
@@ -96,3 +97,8 @@ def test_fields_inherited_from_another_module_keep_their_descriptions():
     found = {option.name: option for option in options_of(Mine)}
     assert found['actuator_gain'].description.startswith('factor of each input')
     assert found['extra'].description == 'one more [m]'
+
+
+def test_a_name_in_another_case_is_nearest():
+    assert nearest('EKF', ['ekf', 'ukf']) == "did you mean 'ekf'?"
+    assert nearest('a', ['B.a', 'A']) == "did you mean 'B.a'?"

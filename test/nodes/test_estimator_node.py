@@ -71,7 +71,9 @@ def test_after_a_reset_the_readings_used_before_are_not_reported_as_unusable(pai
     assert found.node.report()[1] == 'no readings received'
     send(velocity, [found.node.get_clock().now().nanoseconds])
     found.until(lambda: found.node._online.time is not None, 'no reading came')
+    assert found.node.report()[2]['resets'] == 0
     found.node._on_reset(None, Trigger.Response())
+    assert found.node.report()[2]['resets'] == 1
     wanted = 'no reading could be used since the last reset; in total: 1 of velocity fused'
     assert found.node.report()[1] == wanted
 

@@ -11,7 +11,8 @@ pytest.importorskip('rclpy')
 from injected_bag import write_bag
 from tools.doctor_score.recordings import Injection, recorded, values_of
 
-from kalman_ros.analysis.diagnosis.diagnose import diagnose
+from kalman_ros.analysis.diagnosis.diagnose import Diagnosis, diagnose
+from kalman_ros.analysis.diagnosis.finding import Finding
 from kalman_ros.programs.doctor import program, tables
 
 pytestmark = pytest.mark.slow
@@ -88,3 +89,11 @@ def test_a_table_fits_a_terminal():
     console.print(tables.findings_table(found))
     assert '...' not in console.export_text()
     assert '…' not in console.export_text()
+
+
+def test_what_fits_as_well_is_said_once():
+    finding = Finding('bias', 'gnss', 'it is off.', 9.0, same_as=2 * (('drift', 'gnss'),))
+    diagnosis = Diagnosis((finding,), (), 1.0, 0.0)
+    assert [*tables.sentences(diagnosis)] == [
+        '1. It is off.', '   These data fit as well: drift of gnss.'
+    ]  # fmt: skip

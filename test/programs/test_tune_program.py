@@ -2,6 +2,7 @@
 """`tune` from a bag to its verdict, and what it refuses."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from kalman_ros.analysis.tuning.named_parameters import NamedParameters
 from kalman_ros.bags.recording_writer import RecordingWriter
 from kalman_ros.codecs.messages import full_type
 from kalman_ros.codecs.signal_codec import SignalCodec
-from kalman_ros.programs.tune import program
+from kalman_ros.programs.tune import program, tables
 from kalman_ros.scenario import build
 from kalman_ros.scenario.parameter_files import from_file
 
@@ -207,3 +208,12 @@ def test_a_fitted_delay_becomes_an_offset_of_the_stamps():
     assert named.changes({'lidar.delay': 0.05}) == {'lidar.stamp_offset': pytest.approx(-0.07)}
     assert not [name for name in named.names if 'stamp_offset' in name]
     assert named.parameter('lidar.delay') == 'lidar.stamp_offset'
+
+
+def test_a_fitted_bias_is_said_with_what_follows_it():
+    fitted = SimpleNamespace(determined=True, name='beacon.bias', value=0.58, unit='m')
+    unknown = SimpleNamespace(determined=False, name='gyro.bias', value=0.1, unit='rad/s')
+    other = SimpleNamespace(determined=True, name='bias_noise', value=0.1, unit='')
+    (sentence,) = tables.beside(SimpleNamespace(parameters=[fitted, unknown, other]))
+    assert sentence.startswith('beacon.bias: readings are too large by 0.58 m; ')
+    assert sentence.endswith('let the estimator follow it (beacon.bias_std).')

@@ -64,6 +64,15 @@ def test_a_robot_that_moves_sideways_keeps_the_headings_of_its_path():
     assert np.abs(motion.states[:, 1]).max() < 0.01
 
 
+def test_a_path_has_to_lead_somewhere_in_the_space_of_the_model():
+    submersible = build({'model': 'submersible'})
+    aside = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    with pytest.raises(ValueError, match='points that differ in x, z, the position'):
+        along_path(submersible, aside, 0.5, 0.5)
+    with pytest.raises(ValueError, match='two different points or more, got 2, all the same'):
+        along_path(submersible, aside[:1].repeat(2, axis=0), 0.5, 0.5)
+
+
 def test_times_of_a_path_count_where_they_are_given():
     scenario = robot()
     reference = along_path(scenario, LINE, 0.5, 0.5, times=np.array([0.0, 8.0]))

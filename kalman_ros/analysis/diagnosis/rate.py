@@ -9,6 +9,7 @@ from math import inf
 import numpy as np
 
 from kalman_ros.analysis.records import SensorRecord
+from kalman_ros.estimators.outcome import Outcome
 
 from .examination import Examination
 from .finding import Curve, Figure, Finding
@@ -35,15 +36,22 @@ def find(case: Examination) -> list[Finding]:
 
 def _find_invalid(name: str, record: SensorRecord) -> Iterator[Finding]:
     """Yield a finding if readings are not finite, since every filter omits them."""
-    count = int((~np.isfinite(record.value).all(axis=1)).sum())
-    if count:
-        yield Finding(
-            'not a number', name,
-            f'{count} of {len(record)} readings of {name} '
-            f'({100.0 * count / len(record):.2g} %) are not finite: they are dropped. Its driver '
-            'has no value to report, or divides by zero.',
-            inf, silent=count == len(record),
-        )  # fmt: skip
+    invalid = ~np.isfinite(record.value).all(axis=1)
+    without_fix = invalid & (record.outcome == Outcome.NO_FIX.name)
+    for kind, rows, reason in (
+        ('no position fix', without_fix,
+         'have no position fix: their status is below 0, or was left as it is by default. They'),
+        ('not a number', invalid & ~without_fix,
+         'are not finite: its driver has no value to report, or divides by zero. They'),
+    ):  # fmt: skip
+        count = int(rows.sum())
+        if count:
+            yield Finding(
+                kind, name,
+                f'{count} of {len(record)} readings of {name} '
+                f'({100.0 * count / len(record):.3g} %) {reason} are dropped.',
+                inf, silent=count == len(record),
+            )  # fmt: skip
 
 
 def _find_losses(

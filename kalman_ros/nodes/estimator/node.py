@@ -107,7 +107,7 @@ class EstimatorNode(runtime.ScenarioNode):
 
         An earlier belief is useless: the inputs in the meantime are unknown.
         """
-        self._fuser.reset(self.scenario.believed.initial)
+        self._fuser.begin(self.scenario.believed.initial)
         self._fuser.fusing = True
         if self.options.lockstep:
             LockstepIntake(self, self._fuser)

@@ -31,7 +31,7 @@ def sentences(diagnosis: Diagnosis) -> Iterator[str]:
     """Yield each finding as sentences, and the lines of YAML to change."""
     for number, finding in enumerate(diagnosis.findings, start=1):
         yield f'{number}. {capital(finding.sentence)}'
-        for kind, subject in finding.same_as:
+        for kind, subject in dict.fromkeys(finding.same_as):
             yield f'   These data fit as well: {kind} of {subject}.'
         for name, value in finding.change.items():
             yield f'   {name}: {"(removed)" if value is None else yaml_value(value)}'

@@ -117,13 +117,13 @@ def pasted(fit: Fit, named: NamedParameters) -> dict[str, Any]:
 
 
 def beside(fit: Fit) -> Iterator[str]:
-    """Yield how to correct fitted biases, for which the estimator has no parameter."""
+    """Yield how to correct fitted biases, which no line of a parameter file subtracts."""
     for fitted in fit.parameters:
         if not fitted.determined or 'bias' not in fitted.name.split('.'):
             continue
         yield (
             f'{fitted.name}: readings are too large by {fitted.value:.4g} {fitted.unit}'.rstrip()
-            + '; correct it where it arises, for the estimator has no parameter for it.'
+            + f'; correct it where it arises, or let the estimator follow it ({fitted.name}_std).'
         )
 
 
