@@ -207,6 +207,17 @@ def test_a_step_without_derivatives_ends_an_ascent():
     assert (end.stopped, end.top) == ('no step is better', start)
 
 
+@pytest.mark.parametrize(('deviations', 'stopped'), [(0.09, ''), (0.11, 'no step is better')])
+def test_what_no_step_improves_is_a_maximum_within_a_tenth_of_a_deviation(deviations, stopped):
+    likelihood = Parabola()
+    away = np.array([deviations, 0.0]) / np.sqrt(INFORMATION[0, 0])
+    start = likelihood.expand(TOP + away)
+    likelihood.values = lambda points: np.full(len(points), -1e9)
+    likelihood.expand_all = lambda points, report=None: [None for _ in points]
+    (end,) = climb(likelihood, [start])
+    assert (end.stopped, end.top) == (stopped, start)
+
+
 def test_there_is_an_end_to_steps(monkeypatch):
     monkeypatch.setattr(ascent, '_MOST_STEPS', 2)
     likelihood = Parabola(50.0)

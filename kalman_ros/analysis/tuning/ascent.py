@@ -35,6 +35,9 @@ SHORT, LITTLE = 500, 0.03
 #: Predicted gain below which no further step is taken on all readings: half a standard deviation,
 #: of which a step of scoring leaves some hundredths.
 _NEARLY = 0.1
+#: Predicted gain, that of a tenth of a standard deviation, below which an ascent is at its maximum
+#: if no step is better: rounding hides less, as does the order of readings where delays change.
+_UNRESOLVED = 0.005
 #: An ascent within this distance of a known maximum, in standard deviations, ends there.
 _NEAR = 5.0
 
@@ -106,10 +109,8 @@ def _ascend(
                 continue
             shorter = _shorter_step(likelihood, current, damping)
             if shorter is None:
-                # rounding hides the gain of a small step
-                return Ascent(
-                    likelihood, current, number, '' if gain < 1e-3 else 'no step is better'
-                )
+                at_top = gain < _UNRESOLVED
+                return Ascent(likelihood, current, number, '' if at_top else 'no step is better')
             z, damping = shorter
             candidate = yield z, progress
             if candidate is None:
