@@ -183,9 +183,16 @@ def limits(scenario: Scenario, magnitude: ArrayLike = inf, rate: ArrayLike = inf
     Raises
     ------
     ValueError
-        If the number of values is wrong, or one is negative.
+        If the number of values is wrong, one is negative, or one is less than the input that holds
+        the system at rest.
     """
-    return limits_of(scenario.model.input.size, magnitude, rate)
+    found, rest = limits_of(scenario.model.input.size, magnitude, rate), scenario.model.equilibrium
+    if np.any(np.abs(rest.input) > found.magnitude):
+        raise ValueError(
+            f'input_limit: expected at least the magnitude of the input at rest '
+            f'{rest.input.tolist()}, got {found.magnitude.tolist()}'
+        )
+    return found
 
 
 def price(scenario: Scenario) -> Cost:

@@ -2,18 +2,21 @@
 """Numbers of the model and of the sensors that a recording contradicts."""
 
 from collections.abc import Sequence
+from typing import Annotated
 
 import numpy as np
 import pytest
 from tools.doctor_score.array_replay import replay
 
 from kalman_ros.analysis.diagnosis import contradicted_parameters
+from kalman_ros.analysis.diagnosis.diagnose import diagnose
 from kalman_ros.analysis.diagnosis.examination import Examination
 from kalman_ros.analysis.diagnosis.parameters import parameters
 from kalman_ros.analysis.records import InputRecord
-from kalman_ros.core import Model, Sensor, Space, variances
+from kalman_ros.core import About, Model, Sensor, Space, variances
 
 DT, START, LAG = 0.05, 1000.0, 2.0
+Base = Annotated[float, About('distance from the speed to the turn rate', 'm', minimum=0.1)]
 
 
 class Truck(Model):
@@ -22,7 +25,7 @@ class Truck(Model):
     state = Space(('psi', 'v'), ('rad', 'm/s'))
     input = Space(())
 
-    def __init__(self, base: float = 1.4, lag: float = LAG) -> None:
+    def __init__(self, base: Base = 1.4, lag: float = LAG) -> None:
         self._base, self._lag = base, lag
 
     def derivative(self, x, u):
@@ -35,7 +38,7 @@ class Truck(Model):
 class Gyro(Sensor):
     """The turn rate of the truck."""
 
-    def __init__(self, state: Space, noise: Sequence[float], base: float = 1.4) -> None:
+    def __init__(self, state: Space, noise: Sequence[float], base: Base = 1.4) -> None:
         self._base = base
         self.output = Space(('rate',), ('rad/s',))
         self.covariance = variances('noise', noise, 1)
@@ -118,3 +121,16 @@ def test_a_wrong_number_is_found_with_its_value(truth, name, keys):
 
 def test_what_is_right_is_not_contradicted():
     assert contradicted_parameters.find(Examination(recorded())) == []
+
+
+@pytest.mark.slow
+def test_a_step_beyond_the_range_of_a_parameter_is_shortened():
+    """Rates are v / base: from a base that is thrice too long a whole step ends below 0."""
+    evidence = recorded(**{'model_parameters.base': 4.2, 'gyro.base': 4.2})
+    case = Examination(evidence)
+    column = case.responses.columns('parameter', 'base')
+    assert 4.2 + float(case.responses.alone(column[0]).size[0]) < 0.1
+    first = diagnose(evidence).findings[0]
+    assert (first.kind, first.subject) == ('parameter', 'base')
+    assert first.change['model_parameters.base'] == pytest.approx(1.4, rel=0.1)
+    assert first.sentence.endswith(' 4.2 is configured.')
