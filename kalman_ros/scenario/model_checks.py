@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -35,7 +37,7 @@ def _check(what: str, call: Callable[[], Any], shape: tuple[int, ...]) -> None:
 
 
 def check_equilibrium(model: Dynamics) -> None:
-    """Raise ValueError if a model lacks a space, or its equilibrium is not a point of them."""
+    """Raise ValueError if a model lacks a space, or its equilibrium or longest step is wrong."""
     check_spaces(model)
     try:
         point = model.equilibrium
@@ -45,8 +47,13 @@ def check_equilibrium(model: Dynamics) -> None:
     if not isinstance(point, OperatingPoint):
         expected = 'expected OperatingPoint(state, input), of kalman_ros.core'
         raise ValueError(f'model: its equilibrium: {expected}, got {point!r}')
-    _check("model: its equilibrium's state", lambda: point.state, (model.state.size,))
-    _check("model: its equilibrium's input", lambda: point.input, (model.input.size,))
+    for name, value, space in zip(('state', 'input'), point, (model.state, model.input)):
+        if not isinstance(value, np.ndarray):
+            raise ValueError(f"model: its equilibrium's {name}: expected an array, got {value!r}")
+        _check(f"model: its equilibrium's {name}", partial(np.copy, value), (space.size,))
+    longest = model.max_step
+    if not isinstance(longest, Real) or not longest > 0.0:
+        raise ValueError(f'model: its max_step: expected a number of seconds, got {longest!r}')
 
 
 def _several(v: Array, count: int) -> Array:

@@ -59,6 +59,9 @@ def test_a_strangers_sensor_loads_with_its_options():
         ('NoTable', "NoTable' cannot be built: FileNotFoundError: no table.csv"),
         ('TuplePoint', 'its equilibrium: expected OperatingPoint(state, input)'),
         ('WrongPoint', "its equilibrium's state: expected the shape (2,), got (3,)"),
+        ('ListPoint', "its equilibrium's state: expected an array, got [0.0, 0.0]"),
+        ('Fast', "its max_step: expected a number of seconds, got 'fast'"),
+        ('Still', 'its max_step: expected a number of seconds, got 0.0'),
         ('NoSpace', 'its state: expected a Space, got None'),
     ],
 )

@@ -69,6 +69,18 @@ class WrongPoint(Cart):
     equilibrium = OperatingPoint(np.zeros(3), np.zeros(1))
 
 
+class ListPoint(Cart):
+    equilibrium = OperatingPoint([0.0, 0.0], [0.0])
+
+
+class Fast(Cart):
+    max_step = 'fast'
+
+
+class Still(Cart):
+    max_step = 0.0
+
+
 class NoSpace(Cart):
     state = None
 
