@@ -23,7 +23,7 @@ from kalman_ros.core import Array, DesignError, OperatingPoint, Transition, line
 from kalman_ros.linear.periodic import Readings, updated
 from kalman_ros.linear.structure import Controllability, Observability, controllability
 from kalman_ros.scenario import Scenario
-from kalman_ros.scenario.regulator import feedback, price
+from kalman_ros.scenario.regulator import feedback, price, steered
 
 from . import path as paths
 from .checks import LqgTheory, schedule
@@ -150,6 +150,12 @@ def _check_controllability(scenario: Scenario) -> Controllability:
     system = linearize(model, *model.equilibrium)
     result = controllability(system.A, system.B, model.state.names)
     if not result.stabilizable:
+        if steered(scenario):
+            raise DesignError(
+                f'input: at rest it does not move {", ".join(result.unreached)}: such a model is '
+                'regulated along motions, and has no design about one point; a demo with a path '
+                'shows it, and kr.motion'
+            )
         unstable = dict.fromkeys(str(mode) for mode in result.hidden if mode.pole.real >= -1e-12)
         raise DesignError(f'input: it does not move the modes at {", ".join(unstable)}; {result}')
     return result

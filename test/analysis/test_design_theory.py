@@ -376,6 +376,12 @@ def test_a_delay_that_the_loop_does_not_bear_is_said():
     )
 
 
+def test_a_robot_on_wheels_is_said_to_be_regulated_along_motions():
+    path = Path(__file__).parents[2] / 'docs' / 'examples' / 'robot_on_a_path.yaml'
+    with pytest.raises(ValueError, match='at rest it does not move y: .* along motions'):
+        report(scenario.build(from_file(path, 'estimator', 'controller')))
+
+
 REFUSED = [
     ({'model': 'linear', 'model_parameters__A': [1.0, 0.0, 0.0, -1.0],
       'model_parameters__B': [0.0, 1.0]}, 0.0, r'input: it does not move the modes at 1 \(x\)'),
