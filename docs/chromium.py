@@ -125,7 +125,12 @@ class Chromium:
         """Wait until an expression is true, and return its value."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
-            value = self.run(script)
+            try:
+                value = self.run(script)
+            except RuntimeError as error:  # a page that loads has no answer
+                if 'navigated' not in str(error):
+                    raise
+                value = None
             if value:
                 return value
             time.sleep(0.05)

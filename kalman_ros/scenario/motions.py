@@ -233,5 +233,6 @@ def _check_inputs(scenario: Scenario, motion: Motion, limits: Limits | None) -> 
             step, index = divmod(int(np.argmax(beyond)), input.size)
             raise ValueError(
                 f'it needs {input.names[index]} of {values[step, index]:.3g} at '
-                f'{step * motion.dt:.3g} s, more than the {what} of {most[index]:g}'
+                f'{step * motion.dt:.3g} s, more than the {what} of {most[index]:g}; a slower '
+                'motion, or wider bends, need less'
             )

@@ -220,7 +220,7 @@ def test_a_reset_forgets_what_was_before(cart):
 
 def test_another_address_is_opened_anew(cart):
     browser, _ = cart
-    browser.run('window.before = true; location.hash = "task=faults"')
+    browser.run('window.before = true; setTimeout(() => { location.hash = "task=faults" })')
     browser.until('!window.before && document.querySelector("#effects canvas")')
     browser.until('document.querySelector("[data-task=faults]").ariaSelected === "true"')
 
