@@ -11,13 +11,18 @@ pytest.importorskip('rclpy')
 from injected_bag import write_bag
 from tools.doctor_score.recordings import Injection, recorded, values_of
 
+from kalman_ros.analysis.checks import Check
 from kalman_ros.analysis.diagnosis.diagnose import Diagnosis, diagnose
 from kalman_ros.analysis.diagnosis.finding import Finding
+from kalman_ros.bags.replay import replay
 from kalman_ros.programs.doctor import program, tables
+from kalman_ros.programs.doctor.loading import failed_checks, load
+from kalman_ros.programs.replay.statistics import checks
 
 pytestmark = pytest.mark.slow
 
 SCENARIO = 'mass_spring_damper'
+OFF = Finding('bias', 'gnss', 'it is off.', 9.0, same_as=2 * (('drift', 'gnss'),))
 NEGATED = Injection(edits={'velocity': values_of(lambda y: -y)})
 
 
@@ -49,6 +54,28 @@ def test_a_bag_with_a_wrong_sign_fails_with_the_lines_to_change(tmp_path, capsys
     assert first['proof'] > 0.9 * first['gain'] > 100.0
     assert [path.name for path in (tmp_path / 'out').glob('*.png')] == ['01-sign.png']
     assert (tmp_path / 'out' / '01-sign.png').stat().st_size > 1000
+
+
+def test_what_a_replay_fails_for_is_a_note_where_nothing_is_found(tmp_path, capsys, monkeypatch):
+    write_bag(tmp_path / 'bag', SCENARIO, Injection(), 10.0, 3)
+    bad = Check('NIS of position / 1', '', 1.0, 1.17, 0.846, 1.15, passed=False)
+    monkeypatch.setattr(program, 'failed_checks', lambda _: [bad])
+    arguments = tmp_path / 'bag', '--params-file', SCENARIO, '--out', tmp_path / 'out'
+    assert run(*arguments) == 0
+    *_, last = out = capsys.readouterr().out.splitlines()
+    assert 'NIS of position / 1 is 1.17 (0.846 to 1.15).' in ' '.join(out)
+    assert last.startswith('PASS, 0 findings: what a replay fails for is too little')
+    monkeypatch.setattr(program, 'diagnose', lambda *_: Diagnosis((OFF,), (), 1.0, 0.0))
+    assert run(*arguments) == 1
+    assert 'a replay fails' not in capsys.readouterr().out
+
+
+def test_the_checks_are_those_of_a_replay(tmp_path):
+    write_bag(tmp_path / 'bag', SCENARIO, NEGATED, 10.0, 3)
+    evidence = load(tmp_path / 'bag', SCENARIO)
+    expected = [each.name for each in checks(replay(tmp_path / 'bag', SCENARIO), None)
+                if not each.passed]  # fmt: skip
+    assert expected and [each.name for each in failed_checks(evidence)] == expected
 
 
 def test_no_bag_is_one_line(tmp_path, capsys):
@@ -92,8 +119,7 @@ def test_a_table_fits_a_terminal():
 
 
 def test_what_fits_as_well_is_said_once():
-    finding = Finding('bias', 'gnss', 'it is off.', 9.0, same_as=2 * (('drift', 'gnss'),))
-    diagnosis = Diagnosis((finding,), (), 1.0, 0.0)
+    diagnosis = Diagnosis((OFF,), (), 1.0, 0.0)
     assert [*tables.sentences(diagnosis)] == [
         '1. It is off.', '   These data fit as well: drift of gnss.'
     ]  # fmt: skip

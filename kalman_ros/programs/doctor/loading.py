@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from kalman_ros import models
+from kalman_ros.analysis.checks import Check
 from kalman_ros.analysis.diagnosis.evidence import Evidence, changed
 from kalman_ros.analysis.records import SensorRecord
 from kalman_ros.bags.reading import Bag
 from kalman_ros.bags.replay import estimator_settings, replay_bag
+from kalman_ros.programs.replay.statistics import checks
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import from_file
 
@@ -34,6 +36,12 @@ def load(bag: str | Path, params: str | Path | None) -> Evidence:
     """
     values = from_file(shipped.file(params or models.DEFAULT), 'estimator')
     return replayed(Bag(bag), {'model': models.DEFAULT, **values})
+
+
+def failed_checks(evidence: Evidence) -> list[Check]:
+    """Return the checks of its replay that `replayed` evidence fails."""
+    found: Any = evidence
+    return [check for check in checks(found, None) if not check.passed]
 
 
 def replayed(bag: Bag, parameters: Mapping[str, Any], seconds: float = inf) -> Evidence:

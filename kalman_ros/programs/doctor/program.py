@@ -17,15 +17,16 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+from kalman_ros.analysis.checks import Check
 from kalman_ros.analysis.diagnosis.diagnose import PROOF, Diagnosis, diagnose
 from kalman_ros.bags.reading import Bag
 from kalman_ros.programs.refusal import interruptible, refuse
 from kalman_ros.programs.results import ready
 
-from .loading import load
+from .loading import failed_checks, load
 from .proposal import describe, propose
 from .proposal_tables import matches_table, topics_table
-from .tables import findings_table, sentences, summary, verdict
+from .tables import findings_table, sentences, summary, unexplained, verdict
 
 
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
@@ -66,9 +67,10 @@ def main(argv: Sequence[str] | None = None) -> None:
             progress('replaying the recording')
             evidence = load(options.bag, options.params_file)
             diagnosis = diagnose(evidence, progress)
+            failed = [] if diagnosis.findings else failed_checks(evidence)
     except (ValueError, OSError) as error:
         refuse('doctor', error)
-    show(diagnosis, options.bag.name, folder, console)
+    show(diagnosis, failed, options.bag.name, folder, console)
     sys.exit(1 if diagnosis.findings else 0)
 
 
@@ -116,19 +118,24 @@ def _show_progress(console: Console) -> Iterator[Callable[[str], None]]:
         yield lambda text: bar.update(task, description=text)
 
 
-def show(diagnosis: Diagnosis, name: str, folder: Path, console: Console) -> None:
-    """Print the diagnosis of a recording, draw it, and write ``summary.json``."""
+def show(
+    diagnosis: Diagnosis, failed: Sequence[Check], name: str, folder: Path, console: Console
+) -> None:
+    """Print the diagnosis of a recording, draw it, and write ``summary.json``.
+
+    The checks that ``failed`` in its replay are printed as a note.
+    """
     from kalman_ros.report import diagnosis_pictures, style  # matplotlib is slow to load
 
     if diagnosis.findings:
         console.print(findings_table(diagnosis))
         console.print(f'By replay: of the first {PROOF:g} s, with this change alone.', style='dim')
         console.print()
-    for sentence in sentences(diagnosis):
+    for sentence in (*sentences(diagnosis), *unexplained(failed)):
         console.print(sentence, markup=False)
     with style.caption(f'doctor, {name}'):
         drawn = diagnosis_pictures.draw(diagnosis.findings, folder)
     (folder / 'summary.json').write_text(json.dumps(summary(diagnosis), indent=2) + '\n')
     names = ', '.join(['summary.json', *(path.name for path in drawn)])
     console.print(f'In {folder}: {names}', style='dim')
-    console.print(verdict(diagnosis))
+    console.print(verdict(diagnosis, failed))

@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import isfinite
 from typing import Any
 
 from rich.table import Table
 
+from kalman_ros.analysis.checks import Check
 from kalman_ros.analysis.diagnosis.diagnose import Diagnosis
 from kalman_ros.analysis.diagnosis.finding import Finding
 from kalman_ros.report.run_tables import plain, plain_table
@@ -44,9 +45,21 @@ def capital(sentence: str) -> str:
     return sentence[:1].upper() + sentence[1:]
 
 
-def verdict(diagnosis: Diagnosis) -> str:
+def unexplained(failed: Sequence[Check]) -> Iterator[str]:
+    """Yield a note on the checks that fail in a replay, although nothing was found."""
+    words = ', '.join(
+        f'{check.name} is {check.measured.real:.3g} ({check.low:.3g} to {check.high:.3g})'
+        for check in failed
+    )
+    if words:
+        yield f'Note: a replay fails: {words}. No cause explains enough of it to be named.'
+
+
+def verdict(diagnosis: Diagnosis, failed: Sequence[Check] = ()) -> str:
     """Return the verdict: PASS without findings, FAIL with their number."""
     count = len(diagnosis.findings)
+    if not count and failed:
+        return '[green]PASS, 0 findings:[/] what a replay fails for is too little to be named.'
     if not count:
         return '[green]PASS, 0 findings:[/] readings and parameters agree.'
     first = diagnosis.findings[0]
