@@ -70,6 +70,16 @@ def test_what_a_replay_fails_for_is_a_note_where_nothing_is_found(tmp_path, caps
     assert 'a replay fails' not in capsys.readouterr().out
 
 
+def test_a_parameter_is_changed_for_once(tmp_path, capsys):
+    write_bag(tmp_path / 'bag', SCENARIO, Injection(), 10.0, 3)
+    arguments = tmp_path / 'bag', '--params-file', SCENARIO, '--out', tmp_path / 'out'
+    assert run(*arguments, '-p', 'model_parameters.mass:=3.0') == 1
+    assert '3 is configured' in ' '.join(capsys.readouterr().out.split())
+    assert run(*arguments, '-p', 'position.noise:=[-1.0]') == 2
+    assert run(*arguments, '-p', 'position') == 2
+    assert "expected NAME:=VALUE, got 'position'" in capsys.readouterr().err
+
+
 def test_the_checks_are_those_of_a_replay(tmp_path):
     write_bag(tmp_path / 'bag', SCENARIO, NEGATED, 10.0, 3)
     evidence = load(tmp_path / 'bag', SCENARIO)

@@ -19,7 +19,9 @@ from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import from_file
 
 
-def load(bag: str | Path, params: str | Path | None) -> Evidence:
+def load(
+    bag: str | Path, params: str | Path | None, changes: Mapping[str, Any] | None = None
+) -> Evidence:
     """Replay a bag through the estimator of a parameter file, and return the evidence.
 
     Parameters
@@ -28,6 +30,8 @@ def load(bag: str | Path, params: str | Path | None) -> Evidence:
         A folder of rosbag2, one of its files, or a bag of ROS 1.
     params
         A parameter file, or the name of a scenario; None for the default one.
+    changes
+        Parameters over those of the file.
 
     Raises
     ------
@@ -35,7 +39,7 @@ def load(bag: str | Path, params: str | Path | None) -> Evidence:
         If the bag cannot be replayed.
     """
     values = from_file(shipped.file(params or models.DEFAULT), 'estimator')
-    return replayed(Bag(bag), {'model': models.DEFAULT, **values})
+    return replayed(Bag(bag), {'model': models.DEFAULT, **values, **(changes or {})})
 
 
 def failed_checks(evidence: Evidence) -> list[Check]:

@@ -20,8 +20,10 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from kalman_ros.analysis.checks import Check
 from kalman_ros.analysis.diagnosis.diagnose import PROOF, Diagnosis, diagnose
 from kalman_ros.bags.reading import Bag
+from kalman_ros.programs.common_arguments import add_parameters
 from kalman_ros.programs.refusal import interruptible, refuse
 from kalman_ros.programs.results import ready
+from kalman_ros.scenario.parameter_files import overrides
 
 from .loading import failed_checks, load
 from .proposal import describe, propose
@@ -46,6 +48,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         '--params-file', type=Path, metavar='FILE',
         help="the estimator's parameter file, or the name of a scenario",
     )  # fmt: skip
+    add_parameters(parser, 'a parameter, over those of the file')
     parser.add_argument(
         '--out', type=Path, metavar='DIR', help='for the results (default: out/BAG/doctor)'
     )
@@ -61,11 +64,12 @@ def main(argv: Sequence[str] | None = None) -> None:
         if not options.bag.exists():
             raise FileNotFoundError(2, 'no such file or folder', str(options.bag))
         folder = ready(options.out or Path('out') / options.bag.stem / 'doctor')
-        if options.params_file is None:
+        changes = overrides(options.parameters)
+        if options.params_file is None and not changes:
             sys.exit(describe_and_propose(options.bag, folder, console))
         with _without_collector(), _show_progress(console) as progress:
             progress('replaying the recording')
-            evidence = load(options.bag, options.params_file)
+            evidence = load(options.bag, options.params_file, changes)
             diagnosis = diagnose(evidence, progress)
             failed = [] if diagnosis.findings else failed_checks(evidence)
     except (ValueError, OSError) as error:
