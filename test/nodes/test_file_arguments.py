@@ -115,6 +115,15 @@ def test_a_word_that_ros_reads_as_true_gets_a_hint(start):
     assert 'write such words in quotes' in hint(str(refused.value))
 
 
+@pytest.mark.parametrize('numbers', ['0, 0.5', '0.5, 1'])
+def test_numbers_of_two_types_get_a_hint(start, tmp_path, numbers):
+    file = tmp_path / 'robot.yaml'
+    file.write_text(f'/**: {{ros__parameters: {{position.noise: [{numbers}]}}}}\n')
+    with pytest.raises(Exception, match='Value type') as refused:
+        start('plant', '--params-file', str(file))
+    assert hint(str(refused.value)).endswith('write 0.0 for 0 beside 0.5')
+
+
 @pytest.mark.parametrize(
     ('text', 'says'),
     [

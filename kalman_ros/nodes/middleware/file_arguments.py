@@ -16,9 +16,13 @@ from kalman_ros.scenario.parameter_files import bounded_text, overrides, unambig
 from .private_folder import PrivateFolder
 
 _FILE, _EMPTY = '--params-file', re.compile(r':=\s*\[\s*\]$')
-#: The part of rcl's error about a list with strings and truth values.
-_MIXED = "Value type 'bool'"
-HINT = "ROS reads y, n, yes, no, on and off as true or false: write such words in quotes, 'y'"
+#: Parts of rcl's errors about lists of several types, and what helps.
+_HINTS = {
+    "Value type 'bool'":
+        "ROS reads y, n, yes, no, on and off as true or false: write such words in quotes, 'y'",
+    "Value type 'double'": 'ROS takes lists of one type: write 0.0 for 0 beside 0.5',
+    "Value type 'integer'": 'ROS takes lists of one type: write 0.0 for 0 beside 0.5',
+}  # fmt: skip
 
 
 @contextmanager
@@ -67,8 +71,8 @@ def _same(typed: Any, value: Any) -> bool:
 
 
 def hint(reason: str) -> str:
-    """Return why rcl refused its arguments, with a hint if a word was read as a truth value."""
-    return f'{reason}; {HINT}' if _MIXED in reason else reason
+    """Return why rcl refused its arguments, with what helps if a list has several types."""
+    return next((f'{reason}; {words}' for part, words in _HINTS.items() if part in reason), reason)
 
 
 def _copied(path: Path, copy: Path) -> str:
