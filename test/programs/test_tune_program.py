@@ -2,6 +2,7 @@
 """`tune` from a bag to its verdict, and what it refuses."""
 
 import json
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -217,3 +218,11 @@ def test_a_fitted_bias_is_said_with_what_follows_it():
     (sentence,) = tables.beside(SimpleNamespace(parameters=[fitted, unknown, other]))
     assert sentence.startswith('beacon.bias: readings are too large by 0.58 m; ')
     assert sentence.endswith('let the estimator follow it (beacon.bias_std).')
+
+
+def test_a_robot_that_follows_motions_has_no_margins():
+    file = Path(__file__).parents[2] / 'docs' / 'examples' / 'robot_on_a_path.yaml'
+    named = SimpleNamespace(scenario=build(from_file(file, 'estimator')), changes=lambda _: {})
+    recorded, fitted = SimpleNamespace(named=named), SimpleNamespace(values={})
+    margins, why = program._margins(file, {}, recorded, fitted)
+    assert not margins and why.startswith('No margins: at rest no input moves all of its states')

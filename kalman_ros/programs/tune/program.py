@@ -27,6 +27,7 @@ from kalman_ros.programs.refusal import refuse
 from kalman_ros.programs.results import ready
 from kalman_ros.scenario import Scenario, build, shipped
 from kalman_ros.scenario.parameter_files import from_file, overrides
+from kalman_ros.scenario.regulator import steered
 
 from . import tables
 from .recorded_likelihood import Recorded, load
@@ -200,6 +201,8 @@ def _margins(
     values = {'model': models.DEFAULT, **from_file(path, 'estimator', 'controller')}
     try:
         design: Scenario = build({**values, **changes, **named.changes(fitted.values)})
+        if steered(design):
+            return [], 'No margins: at rest no input moves all of its states; it follows motions.'
         plants: list[Dynamics] = [
             named.candidate(values).model
             for values in sampled(recorded.likelihood, fitted, _PLANTS)
