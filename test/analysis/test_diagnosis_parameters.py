@@ -129,7 +129,17 @@ def test_a_step_beyond_the_range_of_a_parameter_is_shortened():
     evidence = recorded(**{'model_parameters.base': 4.2, 'gyro.base': 4.2})
     case = Examination(evidence)
     column = case.responses.columns('parameter', 'base')
-    assert 4.2 + float(case.responses.alone(column[0]).size[0]) < 0.1
+    step = float(case.responses.alone(column[0]).size[0])
+    assert 4.2 + step < 0.1
+
+    def misfit(base):
+        changed = evidence.adopting({'model_parameters.base': base, 'gyro.base': base})
+        return Examination(changed).passage.misfit
+
+    trials = [4.2 * np.exp(share * step / 4.2) for share in (1.0, 0.5, 0.25)]
+    (promised,) = (each for each in contradicted_parameters.find(case) if each.subject == 'base')
+    tried = promised.exact().change['model_parameters.base']
+    assert tried == pytest.approx(min(trials, key=misfit), rel=0.01)
     first = diagnose(evidence).findings[0]
     assert (first.kind, first.subject) == ('parameter', 'base')
     assert first.change['model_parameters.base'] == pytest.approx(1.4, rel=0.1)

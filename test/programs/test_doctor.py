@@ -64,7 +64,7 @@ def test_what_a_replay_fails_for_is_a_note_where_nothing_is_found(tmp_path, caps
     assert run(*arguments) == 0
     *_, last = out = capsys.readouterr().out.splitlines()
     assert 'NIS of position / 1 is 1.17 (0.846 to 1.15).' in ' '.join(out)
-    assert last.startswith('PASS, 0 findings: what a replay fails for is too little')
+    assert last.startswith('PASS, 0 findings: but a replay fails')
     monkeypatch.setattr(program, 'diagnose', lambda *_: Diagnosis((OFF,), (), 1.0, 0.0))
     assert run(*arguments) == 1
     assert 'a replay fails' not in capsys.readouterr().out

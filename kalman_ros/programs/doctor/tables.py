@@ -59,7 +59,7 @@ def verdict(diagnosis: Diagnosis, failed: Sequence[Check] = ()) -> str:
     """Return the verdict: PASS without findings, FAIL with their number."""
     count = len(diagnosis.findings)
     if not count and failed:
-        return '[green]PASS, 0 findings:[/] what a replay fails for is too little to be named.'
+        return '[green]PASS, 0 findings:[/] but a replay fails, for no cause that is named here.'
     if not count:
         return '[green]PASS, 0 findings:[/] readings and parameters agree.'
     first = diagnosis.findings[0]
