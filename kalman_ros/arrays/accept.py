@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from kalman_ros.control.limiter import LIMITS
 from kalman_ros.control.operating_point import is_still, unrest
 from kalman_ros.core import (
     Array,
@@ -88,6 +89,17 @@ def numbers(name: str, value: Any) -> Array:
         raise ValueError(
             f'{name}: expected real numbers, in rows of one length, got {got(value)}'
         ) from None
+
+
+def limits_given(
+    limit: ArrayLike | None, lower: ArrayLike | None, rate: ArrayLike | None
+) -> dict[str, Array]:
+    """Return the limits of the input that are given, by the names of `LIMITS`."""
+    return {
+        name: numbers(name, value).ravel()
+        for name, value in zip(LIMITS, (limit, lower, rate))
+        if value is not None
+    }
 
 
 def got(value: Any) -> str:

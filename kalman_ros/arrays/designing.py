@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from io import StringIO
-from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,6 @@ from kalman_ros import scenario as scenarios
 from kalman_ros.analysis import design_warnings
 from kalman_ros.analysis.design_report import ClosedLoop, DesignReport
 from kalman_ros.analysis.design_theory import report
-from kalman_ros.control.limiter import LIMITS
 from kalman_ros.control.stability import Mode
 from kalman_ros.core import Array, Dynamics
 from kalman_ros.core.known_arguments import knows_arguments
@@ -193,7 +191,7 @@ def design(
     values = parameters or {}
     bounds = None
     if scenario.model.input.size:
-        bounds = limits(scenario, *(values.get(name, inf) for name in LIMITS))
+        bounds = limits(scenario, values)
     return Design(report(scenario, delay, limits=bounds), delay, parameters)
 
 

@@ -11,7 +11,6 @@ from typing import Any
 
 from kalman_ros import scenario as scenarios
 from kalman_ros.control.feedback import TRANSITION_TIME
-from kalman_ros.control.limiter import LIMITS
 from kalman_ros.control.motion import Motion
 from kalman_ros.core import ArrayLike
 from kalman_ros.core.known_arguments import knows_arguments
@@ -24,7 +23,7 @@ from kalman_ros.scenario.idle import idle_input as idle_of
 from kalman_ros.scenario.regulator import limits
 
 from . import text
-from .accept import number, numbers, whole
+from .accept import limits_given, number, whole
 from .scenarios import BELIEVED, values_of
 
 
@@ -61,6 +60,7 @@ def export(
     precision: str = 'float64',
     control: bool = True,
     input_limit: ArrayLike | None = None,
+    input_lower_limit: ArrayLike | None = None,
     input_rate_limit: ArrayLike | None = None,
     idle_input: str | None = None,
     recover_after: int | None = None,
@@ -84,7 +84,7 @@ def export(
         ``'float64'`` or ``'float32'``.
     control
         Whether the law is exported, if there is an input.
-    input_limit, input_rate_limit
+    input_limit, input_lower_limit, input_rate_limit
         Of the input; by default those of the file, or none.
     idle_input
         The input while no controller acts, ``'zero'`` or ``'equilibrium'``.
@@ -120,14 +120,8 @@ def export(
         scenario = scenarios.build(values)
     elif overrides:
         raise ValueError('overrides: expected none for a Scenario, whose objects are built')
-    given = dict(zip(LIMITS, (input_limit, input_rate_limit)))
-    bounds = limits(
-        scenario,
-        *(
-            numbers(each, values.get(each, inf) if own is None else own).ravel()
-            for each, own in given.items()
-        ),
-    )
+    own_limits = limits_given(input_limit, input_lower_limit, input_rate_limit)
+    bounds = limits(scenario, {**values, **own_limits})
     choices = {
         'idle_input': (idle_input, 'zero'),
         'gate_recover_after': (recover_after, Policy.recover_after),

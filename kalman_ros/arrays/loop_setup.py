@@ -4,14 +4,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import inf
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from kalman_ros import scenario as scenarios
 from kalman_ros.control.feedback import Feedback
-from kalman_ros.core import ArrayLike, matrix
+from kalman_ros.core import Array, ArrayLike, matrix
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario import regulator as regulators
 from kalman_ros.simulation.batch_loop import Loop
@@ -27,8 +27,7 @@ class Given(NamedTuple):
 
     reference: Reference = None
     gain: ArrayLike | None = None
-    input_limit: ArrayLike | None = None
-    input_rate_limit: ArrayLike | None = None
+    limits: Mapping[str, Array] = MappingProxyType({})
 
 
 def loop_of(
@@ -53,16 +52,7 @@ def _law(
     real: Scenario, believed: Scenario, values: Mapping[str, Any], given: Given
 ) -> Law | None:
     """Return the law of a loop; None without an input."""
-    limits = regulators.limits(
-        believed,
-        *(
-            numbers(name, values.get(name, inf) if own is None else own).ravel()
-            for name, own in (
-                ('input_limit', given.input_limit),
-                ('input_rate_limit', given.input_rate_limit),
-            )
-        ),
-    )
+    limits = regulators.limits(believed, {**values, **given.limits})
     if not real.model.input.size:
         for name, value in {'reference': given.reference, 'gain': given.gain}.items():
             if value is not None:

@@ -23,7 +23,7 @@ from kalman_ros.simulation.loop_law import Reference
 from kalman_ros.simulation.monte_carlo import spawned
 
 from . import text
-from .accept import duration, number, whole
+from .accept import duration, limits_given, number, whole
 from .estimates import _path
 from .loop_setup import Given, loop_of
 from .simulating import SimulatedRun, run_of
@@ -108,6 +108,7 @@ def monte_carlo(
     reference: Reference = None,
     gain: ArrayLike | None = None,
     input_limit: ArrayLike | None = None,
+    input_lower_limit: ArrayLike | None = None,
     input_rate_limit: ArrayLike | None = None,
     chunk: int | None = None,
     progress: Callable[[int], None] | None = None,
@@ -121,7 +122,7 @@ def monte_carlo(
 
     Parameters
     ----------
-    scenario, overrides, reference, gain, input_limit, input_rate_limit
+    scenario, overrides, reference, gain, input_limit, input_lower_limit, input_rate_limit
         As for `simulate`, faults included; the same for all runs. Runs whose readings may be
         late are computed one after the other.
     runs
@@ -163,7 +164,7 @@ def monte_carlo(
     >>> many.rms.round(3)
     array([0.023, 0.114, 0.022, 0.114])
     """
-    given = Given(reference, gain, input_limit, input_rate_limit)
+    given = Given(reference, gain, limits_given(input_limit, input_lower_limit, input_rate_limit))
     loop, law = loop_of(scenario, overrides, given, duration('seconds', seconds))
     loop = replace(loop, replaced=_replaced(arithmetic, loop.believed))
     found = ensemble(

@@ -18,7 +18,7 @@ from kalman_ros.core.known_arguments import knows_arguments
 from kalman_ros.scenario import Scenario, motions, reference_motions
 from kalman_ros.scenario.reference_motions import along_path
 
-from .accept import number, numbers
+from .accept import limits_given, number, numbers
 from .loop_setup import Given, law_of
 
 
@@ -40,6 +40,7 @@ def motion(
     seconds: float | None = None,
     tolerance: float = 0.05,
     input_limit: ArrayLike | None = None,
+    input_lower_limit: ArrayLike | None = None,
     input_rate_limit: ArrayLike | None = None,
 ) -> Motion:
     """Return the motion of a model along a path, through values, or between states; its inputs.
@@ -69,8 +70,9 @@ def motion(
     tolerance
         How far a state may be from what is asked for, in its unit, beyond a tenth of its extent.
         Right angles of a path are cut by as much, in metres.
-    input_limit, input_rate_limit
-        Largest input, and its largest change per second; one number for all inputs.
+    input_limit, input_lower_limit, input_rate_limit
+        Largest input, the smallest if it is not minus that, and its largest change per second;
+        one number for all inputs.
 
     Raises
     ------
@@ -93,7 +95,11 @@ def motion(
         raise ValueError('start: expected the seconds of the motion with it')
     if seconds is not None and start is None and end is None:
         raise ValueError('seconds: expected a start or an end with it')
-    law = law_of(scenario, overrides, Given(None, None, input_limit, input_rate_limit))
+    law = law_of(
+        scenario,
+        overrides,
+        Given(limits=limits_given(input_limit, input_lower_limit, input_rate_limit)),
+    )
     allowed = number('tolerance', tolerance)
     if not 0.0 <= allowed < inf:
         raise ValueError(f'tolerance: expected a finite number of at least 0, got {allowed:g}')

@@ -19,7 +19,7 @@ from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.loop_law import Answer, Reference
 
 from . import text
-from .accept import belief_of, duration, finite, got, number, numbers, seconds, whole
+from .accept import belief_of, duration, finite, got, limits_given, number, numbers, seconds, whole
 from .loop_setup import Given, law_of
 from .passing import gate_limits
 from .rows import sensors_of
@@ -206,8 +206,9 @@ class Regulator(KnownNames):
         equilibrium; or a function of the time in seconds that returns either.
     gain
         K (m, n), instead of the law's.
-    input_limit, input_rate_limit
-        The largest input, and its largest change per second; one number for all inputs.
+    input_limit, input_lower_limit, input_rate_limit
+        The largest input, the smallest if it is not minus that, and its largest change per second;
+        one number for all inputs.
 
     Raises
     ------
@@ -232,9 +233,12 @@ class Regulator(KnownNames):
         reference: Reference = None,
         gain: ArrayLike | None = None,
         input_limit: ArrayLike | None = None,
+        input_lower_limit: ArrayLike | None = None,
         input_rate_limit: ArrayLike | None = None,
     ) -> None:
-        given = Given(reference, gain, input_limit, input_rate_limit)
+        given = Given(
+            reference, gain, limits_given(input_limit, input_lower_limit, input_rate_limit)
+        )
         self._law = law_of(scenario, overrides, given)
         self._answer: Answer = self._law()
         self._time = 0

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,7 +21,17 @@ from kalman_ros.core.known_arguments import knows_arguments
 from kalman_ros.core.known_names import KnownNames
 
 from . import text
-from .accept import finite, number, numbers, plant, sample_time, shifted, weight, whole
+from .accept import (
+    finite,
+    limits_given,
+    number,
+    numbers,
+    plant,
+    sample_time,
+    shifted,
+    weight,
+    whole,
+)
 from .estimates import _path
 
 
@@ -134,8 +143,11 @@ class PredictiveControl(KnownNames):
         from kalman_ros.report.plan_picture import plan_picture  # matplotlib is slow to load
 
         prediction = self._prediction
-        limits = prediction.low, prediction.high, self._limits.magnitude
-        return plan_picture(self.plan, self._space, self._inputs, limits, _path(path))
+        states, inputs = (
+            (prediction.low, prediction.high),
+            (self._limits.lower, self._limits.upper),
+        )
+        return plan_picture(self.plan, self._space, self._inputs, states, inputs, _path(path))
 
     def __repr__(self) -> str:
         prediction = self._prediction
@@ -144,9 +156,11 @@ class PredictiveControl(KnownNames):
             f'{self.dt:g} s in {prediction.moves} moves; without limits u = -K x, K ='
         ]
         lines += text.matrix(self._inputs, self._space.names, self.gain)
-        for name, most, rate in zip(self._inputs, self._limits.magnitude, self._limits.rate):
-            if np.isfinite(most):
-                lines.append(f'{name} within ± {most:g}')
+        limits = self._limits
+        for name, low, high, rate in zip(self._inputs, limits.lower, limits.upper, limits.rate):
+            if np.isfinite(low) or np.isfinite(high):
+                within = f'± {high:g}' if low == -high else f'{low:g} to {high:g}'
+                lines.append(f'{name} within {within}')
             if np.isfinite(rate):
                 lines.append(f'{name} changes by at most {rate:g} a second')
         for name, low, high, price in zip(
@@ -162,7 +176,7 @@ class PredictiveControl(KnownNames):
     N='horizon, in seconds, and moves',
     Np='horizon, in seconds',
     Nc='moves',
-    umin='input_limit',
+    umin='input_lower_limit',
     umax='input_limit',
     xmin='state_limit',
     xmax='state_limit',
@@ -176,6 +190,7 @@ def mpc(
     *,
     dt: float | None = None,
     input_limit: ArrayLike | None = None,
+    input_lower_limit: ArrayLike | None = None,
     input_rate_limit: ArrayLike | None = None,
     state_limit: Mapping[str, Sequence[float]] | None = None,
     state_price: ArrayLike = 1e6,
@@ -193,8 +208,9 @@ def mpc(
         Weights (n, n) and (m, m), as for `lqr`.
     dt
         Length of a step in seconds, during which the input is held.
-    input_limit, input_rate_limit
-        Largest input, and its largest change per second; one number for all inputs.
+    input_limit, input_lower_limit, input_rate_limit
+        Largest input, the smallest if it is not minus that, and its largest change per second;
+        one number for all inputs.
     state_limit
         [low, high] by the name of a state; of matrices ``x0``, ``x1`` and so on.
     state_price
@@ -234,10 +250,7 @@ def mpc(
         sampled = found.system.sampled(dt)
         step, price = (sampled.F, sampled.G), sampled_cost(found.system, weights, dt)
     space = Space(found.states, ('',) * n) if model is None else model.state
-    limits = limits_of(
-        m, inf if input_limit is None else numbers('input_limit', input_limit),
-        inf if input_rate_limit is None else numbers('input_rate_limit', input_rate_limit),
-    )  # fmt: skip
+    limits = limits_of(m, limits_given(input_limit, input_lower_limit, input_rate_limit))
     pairs: Any = {} if state_limit is None else state_limit
     if isinstance(pairs, Mapping):
         pairs = {

@@ -21,7 +21,7 @@ from kalman_ros.simulation.loop_law import Reference
 from kalman_ros.simulation.trajectory import Trajectory
 
 from . import text
-from .accept import duration, whole
+from .accept import duration, limits_given, whole
 from .estimates import _path
 from .loop_setup import Given, loop_of
 from .tables import to_dataframe
@@ -133,6 +133,7 @@ def simulate(
     reference: Reference = None,
     gain: ArrayLike | None = None,
     input_limit: ArrayLike | None = None,
+    input_lower_limit: ArrayLike | None = None,
     input_rate_limit: ArrayLike | None = None,
 ) -> SimulatedRun:
     """Return the run of a loop: plant, estimator and regulator in this process, as in lockstep.
@@ -155,8 +156,9 @@ def simulate(
         equilibrium; or a function of the time in seconds that returns either.
     gain
         K (m, n), instead of the scenario's law.
-    input_limit, input_rate_limit
-        The largest input, and its largest change per second; one number for all inputs.
+    input_limit, input_lower_limit, input_rate_limit
+        The largest input, the smallest if it is not minus that, and its largest change per second;
+        one number for all inputs.
 
     Raises
     ------
@@ -172,7 +174,7 @@ def simulate(
     >>> bool(kr.consistency(run))
     True
     """
-    given = Given(reference, gain, input_limit, input_rate_limit)
+    given = Given(reference, gain, limits_given(input_limit, input_lower_limit, input_rate_limit))
     loop, _ = loop_of(scenario, overrides, given, duration('seconds', seconds))
     return run_of(loop, whole('seed', seed))
 

@@ -3,16 +3,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
 from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import Array, ArrayLike, one_each
+from kalman_ros.core import Array, one_each
 
 #: Names of the limits, which are parameters of the controller and not of a scenario.
-LIMITS = ('input_limit', 'input_rate_limit')
+LIMITS = ('input_limit', 'input_lower_limit', 'input_rate_limit')
 
 
 @dataclass(frozen=True)
@@ -21,42 +22,71 @@ class Limits:
 
     Parameters
     ----------
-    magnitude
-        The largest magnitude of each input (m,).
+    lower, upper
+        The smallest and the largest value of each input (m,).
     rate
         The largest change of each input per second (m,).
     """
 
-    magnitude: Array
+    lower: Array
+    upper: Array
     rate: Array
 
     @staticmethod
     def none(m: int) -> Limits:
         """Return limits that never apply."""
-        return Limits(np.full(m, inf), np.full(m, inf))
+        return Limits(np.full(m, -inf), np.full(m, inf), np.full(m, inf))
+
+    @property
+    def are_none(self) -> bool:
+        """Whether no limit ever applies."""
+        return bool(np.isinf([self.lower, self.upper, self.rate]).all())
+
+    def within(self, u: Array) -> Array:
+        """Return the allowed input closest to an input (m,), whatever its change."""
+        return np.clip(u, self.lower, self.upper)
+
+    def refuse(self, what: str, u: Array) -> None:
+        """Raise ValueError if an input (m,) is beyond the limits; ``what`` is its name."""
+        if np.any(u < self.lower) or np.any(u > self.upper):
+            raise ValueError(
+                f'input_limit: expected limits that contain {what} {u.tolist()}, '
+                f'got {self.lower.tolist()} to {self.upper.tolist()}'
+            )
 
 
-def limits_of(m: int, magnitude: ArrayLike = inf, rate: ArrayLike = inf) -> Limits:
-    """Return the limits of ``m`` actuators; one number is used for every input.
+def limits_of(m: int, values: Mapping[str, Any]) -> Limits:
+    """Return the limits of ``m`` actuators by the names of `LIMITS`.
+
+    One number is used for every input. An input without a lower limit, or with that of minus
+    infinity, is limited to plus and minus its ``input_limit``.
 
     Raises
     ------
     ValueError
-        If the number of values is wrong, or one is negative.
+        If the number of values is wrong, one is negative, or the lower limit above the upper.
     """
-    pairs = ('input_limit', magnitude), ('input_rate_limit', rate)
-    checked = [one_each(name, values, m) for name, values in pairs]
-    for (name, _), values in zip(pairs, checked):
-        if not np.all(values >= 0.0):
-            raise ValueError(f'{name}: expected at least 0, got {values.tolist()}')
-    return Limits(*checked)
+    upper, rate = (
+        one_each(name, values.get(name, inf), m) for name in ('input_limit', 'input_rate_limit')
+    )
+    lower = one_each('input_lower_limit', values.get('input_lower_limit', -inf), m)
+    for name, limit in ('input_limit', upper), ('input_rate_limit', rate):
+        if not np.all(limit >= 0.0):
+            raise ValueError(f'{name}: expected at least 0, got {limit.tolist()}')
+    lower = np.where(np.isneginf(lower), -upper, lower)
+    if not np.all(lower <= upper):
+        raise ValueError(
+            f'input_lower_limit: expected at most the input_limit {upper.tolist()}, '
+            f'got {lower.tolist()}'
+        )
+    return Limits(lower, upper, rate)
 
 
 class Limiter:
     """Moves an input towards a wanted one, within `Limits`, starting at the idle input.
 
-    Where the limits conflict, after the magnitude was reduced, the rate limit applies and
-    the magnitude is reached as soon as the rate allows. Inputs (m,) may have leading axes.
+    Where the limits conflict, after they were narrowed, that of the rate applies, and the
+    others are reached as soon as the rate allows. Inputs (m,) may have leading axes.
 
     Parameters
     ----------
@@ -68,7 +98,7 @@ class Limiter:
     Raises
     ------
     ValueError
-        If the idle input exceeds the largest magnitude.
+        If the idle input is beyond the limits.
     """
 
     def __init__(self, limits: Limits, idle: Array) -> None:
@@ -80,9 +110,9 @@ class Limiter:
 
     def adopt(self, limits: Limits, idle: Array) -> None:
         """Use other limits and another idle input from now on; the input is unchanged."""
-        check_idle(limits, idle)
+        limits.refuse('the idle input', idle)
         self._limits, self.idle = limits, idle
-        self._free = bool(np.isinf([limits.magnitude, limits.rate]).all())
+        self._free = limits.are_none
 
     @property
     def at_idle(self) -> bool:
@@ -94,8 +124,7 @@ class Limiter:
         if self._free:
             self.value = wanted
             return wanted
-        most = self._limits.magnitude
-        self.value = self._within_reach(np.clip(wanted, -most, most), seconds)
+        self.value = self._within_reach(self._limits.within(wanted), seconds)
         changed = np.any(self.value != wanted, axis=-1)
         self.limited = self.limited + (int(changed) if wanted.ndim == 1 else changed)
         return self.value
@@ -117,12 +146,3 @@ class Limiter:
         np.multiply(rate, seconds, out=reach, where=np.isfinite(rate))
         within: Array = np.clip(wanted, before - reach, before + reach)
         return within
-
-
-def check_idle(limits: Limits, idle: Array) -> None:
-    """Raise ValueError if the idle input exceeds the largest magnitude."""
-    if np.any(np.abs(idle) > limits.magnitude):
-        raise ValueError(
-            f'input_limit: expected at least the magnitude of the idle input {idle.tolist()}, '
-            f'got {limits.magnitude.tolist()}'
-        )

@@ -306,9 +306,9 @@ class Predictor:
         later = 1.0 / (_INPUT_PRICE * np.diagonal(W, axis1=1, axis2=2))
         later[0] = 0.0
         excess = np.broadcast_to(1.0 / prediction.price, by.states.shape[:2])
-        most, change = limits.magnitude, limits.rate * prediction.dt
+        change = limits.rate * prediction.dt
         sides = (
-            _Sides(by.inputs, by.inputs_by_z, -most, most, later),
+            _Sides(by.inputs, by.inputs_by_z, limits.lower, limits.upper, later),
             _Sides(changes, changes_by_z, -change, change, later),
             _Sides(by.states, by.states_by_z, prediction.low, prediction.high, excess),
         )
@@ -343,9 +343,8 @@ class Predictor:
             The last input (m,).
         """
         errors = np.atleast_2d(error)
-        most = self._limits.magnitude
         inputs = np.broadcast_to(before, (len(errors), before.shape[-1]))
-        inputs = np.clip(inputs, -most, most)
+        inputs = self._limits.within(inputs)
         while len(self._memories) < len(errors):
             self._memories.append(_Memory())
         program = self._steady

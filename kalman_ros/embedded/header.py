@@ -100,7 +100,10 @@ def _descriptions(loop: Loop, names: Names, source: str) -> dict[str, str]:
 def _limit_lines(loop: Loop) -> list[str]:
     if loop.law is None:
         return []
-    pairs = ('at most', loop.law.limits.magnitude), ('a second at most', loop.law.limits.rate)
+    limits = loop.law.limits
+    pairs = (
+        ('at least', limits.lower), ('at most', limits.upper), ('a second at most', limits.rate)
+    )  # fmt: skip
     return [
         f' *     {what}: {", ".join(f"{value:g}" for value in values)}'
         for what, values in pairs

@@ -68,7 +68,8 @@ def law_texts(law: Law, rate: float) -> list[str]:
         numbers('REST_INPUT', law.rest.input),
         numbers('STATE_GAIN', law.equilibria.state_gain),
         numbers('INPUT_GAIN', law.equilibria.input_gain),
-        numbers('MAGNITUDE', limits.magnitude),
+        numbers('LOWER', limits.lower),
+        numbers('UPPER', limits.upper),
         numbers('RATE', limits.rate),
         difference('model_difference', law.space),
     ]

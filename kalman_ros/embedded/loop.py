@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kalman_ros.control.feedback import Feedback
-from kalman_ros.control.limiter import Limits, check_idle
+from kalman_ros.control.limiter import Limits
 from kalman_ros.control.motion import Motion
 from kalman_ros.control.tracking import FeedForward
 from kalman_ros.core import Array, OperatingPoint, Sensor, Space
@@ -203,7 +203,7 @@ def _law(scenario: Scenario, limits: Limits, idle: Array, motion: Motion | None)
         raise ValueError(
             'law: at rest no input moves some of the states: expected a motion to follow' + alone
         )
-    check_idle(limits, idle)
+    limits.refuse('the idle input', idle)
     model = scenario.model
     if motion is not None and motion.space != model.state:
         raise ValueError(

@@ -8,21 +8,23 @@ from math import inf, isfinite
 from typing import Any
 
 from kalman_ros.control.laws import STATE_LIMIT, WITHIN_LIMITS
+from kalman_ros.control.limiter import limits_of
+from kalman_ros.core import one_each
 
 from .adjustments import Adjustments
 
-#: Parameter with the largest magnitude of each input.
-_INPUT = 'input_limit'
+#: Parameters with the smallest and the largest value of each input.
+_LOWER, _UPPER = 'input_lower_limit', 'input_limit'
 
 
 def limits(adjustments: Adjustments) -> dict[str, Any]:
     """Return the limits for JSON; None for a limit that does not exist.
 
-    The result has the largest magnitude of each ``input``, the lowest and highest value of each
-    ``state`` by name, and the ``reason`` for which states have no limits, '' if they can have.
+    The result has the lowest and highest value of each ``input`` and ``state`` by name, and the
+    ``reason`` for which states have no limits, '' if they can have.
     """
     if not adjustments.driven:
-        return {'input': [], 'state': {}, 'reason': 'the model has no input'}
+        return {'input': {}, 'state': {}, 'reason': 'the model has no input'}
     law = str(adjustments.value('controller', 'law'))
     state: dict[str, list[float | None]] = {}
     reason = f'the law {law} keeps no limits of states, choose {" or ".join(WITHIN_LIMITS)}'
@@ -30,7 +32,11 @@ def limits(adjustments: Adjustments) -> dict[str, Any]:
         names = adjustments.scenario('controller').model.state.names
         state = {name: _finite(_of_state(adjustments, name)) for name in names}
         reason = ''
-    return {'input': _finite(_of_inputs(adjustments)), 'state': state, 'reason': reason}
+    names, lower, upper = _of_inputs(adjustments)
+    bounds = limits_of(len(names), {_LOWER: lower, _UPPER: upper})
+    pairs = zip(names, bounds.lower.tolist(), bounds.upper.tolist())
+    input = {name: _finite(pair) for name, *pair in pairs}
+    return {'input': input, 'state': state, 'reason': reason}
 
 
 def limited(
@@ -45,7 +51,8 @@ def limited(
     of, name
         ``'state'`` or ``'input'``, and the name of the coordinate.
     side
-        ``'low'`` or ``'high'`` for a state; an input is limited on both sides alike.
+        ``'low'`` or ``'high'``; the limits of an input move together while one is minus the
+        other.
     value
         New limit; None for no limit.
 
@@ -55,11 +62,8 @@ def limited(
         If there is no such limit, or the limits of a state contain no value.
     """
     known = limits(adjustments)
-    model = adjustments.scenario('controller').model if adjustments.driven else None
-    if of == 'input' and model is not None and name in model.input.names:
-        magnitudes = _of_inputs(adjustments)
-        magnitudes[model.input.names.index(name)] = inf if value is None else abs(value)
-        return {_INPUT: magnitudes}
+    if of == 'input' and name in known['input']:
+        return _limited_input(adjustments, name, side, value)
     if of == 'state' and known['reason']:
         raise ValueError(f'limit: {known["reason"]}')
     if of != 'state' or name not in known['state'] or side not in ('low', 'high'):
@@ -69,16 +73,39 @@ def limited(
         low = -inf if value is None else value
     else:
         high = inf if value is None else value
-    if not low < high:
-        raise ValueError(f'limit of {name}: expected low < high, got {low:g} and {high:g}')
+    _check(name, low, high)
     return {f'{STATE_LIMIT}.{name}': [low, high]}
 
 
-def _of_inputs(adjustments: Adjustments) -> list[float]:
-    """Return the largest magnitude of each input; the parameter may have one for all."""
-    size = adjustments.scenario('controller').model.input.size
-    values = [float(value) for value in adjustments.value('controller', _INPUT)]
-    return values * size if len(values) == 1 else values
+def _limited_input(
+    adjustments: Adjustments, name: str, side: str, value: float | None
+) -> dict[str, Any]:
+    """Return the parameters with another limit of an input."""
+    names, lower, upper = _of_inputs(adjustments)
+    index, before = names.index(name), lower.copy()
+    if lower[index] in (-inf, -upper[index]):
+        lower[index], upper[index] = -inf, inf if value is None else abs(value)
+    elif side == 'low':
+        lower[index] = -inf if value is None else value
+    else:
+        upper[index] = inf if value is None else value
+    _check(name, lower[index], upper[index])
+    return {_UPPER: upper, **({} if lower == before else {_LOWER: lower})}
+
+
+def _of_inputs(adjustments: Adjustments) -> tuple[tuple[str, ...], list[float], list[float]]:
+    """Return the names of the inputs, and their parameters, one for each."""
+    names = adjustments.scenario('controller').model.input.names
+    lower, upper = (
+        one_each(name, adjustments.value('controller', name), len(names)).tolist()
+        for name in (_LOWER, _UPPER)
+    )
+    return names, lower, upper
+
+
+def _check(name: str, low: float, high: float) -> None:
+    if not low < high:
+        raise ValueError(f'limit of {name}: expected low < high, got {low:g} and {high:g}')
 
 
 def _of_state(adjustments: Adjustments, name: str) -> list[float]:

@@ -110,7 +110,7 @@ def force_scale(adjustments: Adjustments) -> float:
     except DesignError:
         return 1.0
     scale = abs(K @ model.state.subtract(start, model.equilibrium.state)).max()
-    known = [limit for limit in limits(adjustments)['input'] if limit]
+    known = [abs(side) for pair in limits(adjustments)['input'].values() for side in pair if side]
     return float(f'{min(scale, *known, scale):.2g}') if scale > 0.0 else 1.0
 
 

@@ -34,8 +34,8 @@ NAMES = {
     ),
     'controller': (
         'autostart enabled estimate_timeout frame future_tolerance heartbeat_timeout idle_input '
-        'input_limit input_rate_limit learn_layouts lockstep max_message_size max_std '
-        'path_acceleration path_speed path_tolerance predict_latency realtime_priority '
+        'input_limit input_lower_limit input_rate_limit learn_layouts lockstep max_message_size '
+        'max_std path_acceleration path_speed path_tolerance predict_latency realtime_priority '
         'reference_timeout resume solve_timeout transition_time'
     ),
     'monitor': 'autostart confidence learn_layouts max_message_size monitor_window',

@@ -6,7 +6,6 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Sequence
-from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from kalman_ros import models, scenario
 from kalman_ros.analysis import design_theory, design_warnings
 from kalman_ros.analysis import path as paths
 from kalman_ros.analysis.worst_case import WorstCases, named_plants, worst_cases
-from kalman_ros.control.limiter import LIMITS, Limits
+from kalman_ros.control.limiter import Limits
 from kalman_ros.programs.common_arguments import add_parameters
 from kalman_ros.programs.known_parameters import refuse_unknown_parameters
 from kalman_ros.programs.refusal import refuse
@@ -85,8 +84,7 @@ def limits_of_inputs(path: Path, changes: dict[str, Any], built: Scenario) -> Li
     """Return the limits of a controller's inputs; None without an input."""
     if not built.model.input.size:
         return None
-    values = {**from_file(path, 'controller'), **changes}
-    return limits(built, *(values.get(name, inf) for name in LIMITS))
+    return limits(built, {**from_file(path, 'controller'), **changes})
 
 
 def intervals(texts: Sequence[str]) -> dict[str, tuple[float, float]]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
@@ -52,9 +51,7 @@ class Tuning(NamedTuple):
 
     def limits(self, built: Scenario) -> Limits:
         """Return the limits of the actuators, which are parameters of the controller."""
-        values = self._values('controller')
-        names = ('input_limit', 'input_rate_limit')
-        return regulator.limits(built, *(values.get(name, inf) for name in names))
+        return regulator.limits(built, self._values('controller'))
 
 
 def tunings(options: argparse.Namespace, folder: Path) -> list[Tuning]:

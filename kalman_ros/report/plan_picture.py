@@ -18,36 +18,36 @@ def plan_picture(
     plan: Any,
     space: Space,
     inputs: Sequence[str],
-    limits: tuple[Array, Array, Array],
+    states: tuple[Array, Array],
+    limits: tuple[Array, Array],
     path: Path | None,
 ) -> Any:
-    """Draw what is planned, and the limits (n,), (n,) of the states and (m,) of the inputs.
+    """Draw what is planned, and the limits (n,), (n,) of the states and (m,), (m,) of the inputs.
 
     Returns
     -------
     Axes (n + m, 1).
     """
-    low, high, most = limits
     rows = space.size + len(inputs)
     with picture(path, rows, 1, (8.0, 1.4 * rows + 0.9)) as (figure, axes):
         for index, name in enumerate(space.names):
             axis = axes[index, 0]
             axis.plot(plan.time, plan.states[:, index], color=ESTIMATE, lw=1.2, label='planned')
             axis.set_ylabel(space.label(name))
-            _draw_limits(axis, low[index], high[index])
+            _draw_limits(axis, states, index)
         for index, name in enumerate(inputs):
             axis = axes[space.size + index, 0]
             held = np.append(plan.inputs[:, index], plan.inputs[-1, index])
             axis.step(plan.time, held, where='post', color=TRUTH, lw=1.2, label='input')
             axis.set_ylabel(name)
-            _draw_limits(axis, -most[index], most[index])
+            _draw_limits(axis, limits, index)
         axes[-1, 0].set_xlabel('seconds from now')
         axes[0, 0].set_title('The plan, and the limits that it keeps')
         legend_below(figure, axes[0, 0])
     return axes
 
 
-def _draw_limits(axis: Any, low: float, high: float) -> None:
-    for limit in (low, high):
-        if np.isfinite(limit):
-            axis.axhline(limit, color=BOUND, lw=1.2, ls='--')
+def _draw_limits(axis: Any, limits: tuple[Array, Array], index: int) -> None:
+    for limit in limits:
+        if np.isfinite(limit[index]):
+            axis.axhline(limit[index], color=BOUND, lw=1.2, ls='--')

@@ -312,11 +312,12 @@ def force(
             axis = axes[index, 0]
             axis.step(run.time, run.input[:, index], where='post', color=INPUT, lw=0.8)
             axis.set_ylabel(space.label(name))
-            limit = np.inf if limits is None else limits.magnitude[index]
-            if np.isfinite(limit):
-                for sign in (-1.0, 1.0):
-                    axis.axhline(sign * limit, color=TRUTH, lw=1.0, ls='--')
-                axis.set_title(f'limits {-limit:g} and {limit:g} {unit}', loc='right',
-                               fontweight='normal')  # fmt: skip
+            sides = () if limits is None else (limits.lower[index], limits.upper[index])
+            known = [side for side in sides if np.isfinite(side)]
+            for side in known:
+                axis.axhline(side, color=TRUTH, lw=1.0, ls='--')
+            if known:
+                between = ' and '.join(f'{side:g}' for side in known)
+                axis.set_title(f'limits {between} {unit}', loc='right', fontweight='normal')
         axes[0, 0].set_title('The input for each estimate')
     return axes

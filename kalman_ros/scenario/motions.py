@@ -224,15 +224,16 @@ def _check_inputs(scenario: Scenario, motion: Motion, limits: Limits | None) -> 
         return
     input = scenario.model.input
     rate: Array = np.abs(np.diff(motion.inputs[:-1], axis=0)) / motion.dt
-    for what, values, most in (
-        ('input_limit', np.abs(motion.inputs), limits.magnitude),
-        ('input_rate_limit', rate, limits.rate),
+    for what, values, limit, sign in (
+        ('input_limit', motion.inputs, limits.upper, 1.0),
+        ('input_lower_limit', motion.inputs, limits.lower, -1.0),
+        ('input_rate_limit', rate, limits.rate, 1.0),
     ):
-        beyond = np.where(np.isfinite(most), values - most, -inf)
+        beyond = np.where(np.isfinite(limit), sign * (values - limit), -inf)
         if beyond.size and (beyond > 0.0).any():
             step, index = divmod(int(np.argmax(beyond)), input.size)
             raise ValueError(
                 f'it needs {input.names[index]} of {values[step, index]:.3g} at '
-                f'{step * motion.dt:.3g} s, more than the {what} of {most[index]:g}; a slower '
+                f'{step * motion.dt:.3g} s, beyond the {what} of {limit[index]:g}; a slower '
                 'motion, or wider bends, need less'
             )

@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
-from math import inf
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +19,6 @@ from kalman_ros.control.time_varying import resting_regulator
 from kalman_ros.control.tracking import FeedForward, feed_forward, resting_directions
 from kalman_ros.core import (
     Array,
-    ArrayLike,
     DesignError,
     LinearSystem,
     OperatingPoint,
@@ -177,21 +176,16 @@ def moving_target(scenario: Scenario, state: Array, soon: Array) -> OperatingPoi
     return OperatingPoint(state, steady_input(model, state, rate).input)
 
 
-def limits(scenario: Scenario, magnitude: ArrayLike = inf, rate: ArrayLike = inf) -> Limits:
-    """Return the limits of the actuators; one number is used for every input.
+def limits(scenario: Scenario, values: Mapping[str, Any]) -> Limits:
+    """Return the limits of the actuators among parameters of the controller.
 
     Raises
     ------
     ValueError
-        If the number of values is wrong, one is negative, or one is less than the input that holds
-        the system at rest.
+        As from `limits_of`, or if the input that holds the system at rest is beyond them.
     """
-    found, rest = limits_of(scenario.model.input.size, magnitude, rate), scenario.model.equilibrium
-    if np.any(np.abs(rest.input) > found.magnitude):
-        raise ValueError(
-            f'input_limit: expected at least the magnitude of the input at rest '
-            f'{rest.input.tolist()}, got {found.magnitude.tolist()}'
-        )
+    found = limits_of(scenario.model.input.size, values)
+    found.refuse('the input at rest', scenario.model.equilibrium.input)
     return found
 
 

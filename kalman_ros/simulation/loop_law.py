@@ -40,9 +40,8 @@ class Law:
     @property
     def proportional(self) -> bool:
         """Whether the input is -K x: no integral action, no limit, no reference."""
-        limits = np.isinf([self.limits.magnitude, self.limits.rate])
         plain = not self.feedback.tracked and self.feedback.prediction is None
-        return self.reference is None and plain and bool(limits.all())
+        return self.reference is None and plain and self.limits.are_none
 
     def target(self, time: float) -> Array:
         """Return the state (n,) to hold at a time in seconds."""

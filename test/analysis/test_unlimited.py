@@ -8,24 +8,25 @@ import pytest
 from thorough import mostly_thorough
 
 from kalman_ros.analysis.unlimited import unlimited_starts
-from kalman_ros.control.limiter import Limits
+from kalman_ros.control.limiter import Limits, limits_of
 from kalman_ros.core import Array
 from kalman_ros.scenario import Scenario, build
 from kalman_ros.scenario.regulator import feedback
 
 CASES = {
-    'input': ({'model': 'cart_pole'}, Limits(np.array([10.0]), np.array([np.inf]))),
-    'rate': ({'model': 'cart_pole'}, Limits(np.array([np.inf]), np.array([200.0]))),
+    'input': ({'model': 'cart_pole'}, {'input_limit': 10.0}),
+    'sides': ({'model': 'cart_pole'}, {'input_limit': 10.0, 'input_lower_limit': -3.0}),
+    'rate': ({'model': 'cart_pole'}, {'input_rate_limit': 200.0}),
     'states': (
         {'model': 'cart_pole', 'law': 'mpc', 'state_limit.x': [-0.5, 1.0]},
-        Limits(np.array([50.0]), np.array([np.inf])),
+        {'input_limit': 50.0},
     ),
     'two inputs': (
-        {'model': 'mass_spring_damper_2d'}, Limits(np.array([1.0, 0.5]), np.array([np.inf] * 2)),
+        {'model': 'mass_spring_damper_2d'}, {'input_limit': [1.0, 0.5]},
     ),
     'integrals': (
         {'model': 'mass_spring_damper', 'law': 'lqi', 'tracked': ['x']},
-        Limits(np.array([2.0]), np.array([np.inf])),
+        {'input_limit': 2.0},
     ),
 }  # fmt: skip
 
@@ -37,7 +38,7 @@ def acts(scenario: Scenario, limits: Limits, start: Array) -> bool:
     x, q, before = start, np.zeros(len(regulator.A)), np.zeros(step.G.shape[1])
     for _ in range(3000):
         u = -(regulator.C @ q + regulator.D @ x)
-        if np.any(np.abs(u) > limits.magnitude) or np.any(np.abs(u - before) > limits.rate * dt):
+        if np.any(u != limits.within(u)) or np.any(np.abs(u - before) > limits.rate * dt):
             return True
         if law.prediction is not None and (
             np.any(x > law.prediction.high) or np.any(x < law.prediction.low)
@@ -50,8 +51,9 @@ def acts(scenario: Scenario, limits: Limits, start: Array) -> bool:
 @pytest.mark.slow
 @pytest.mark.parametrize('name', mostly_thorough(CASES, 'input'))
 def test_limits_act_only_outside_the_region(name: str) -> None:
-    values, limits = CASES[name]
+    values, given = CASES[name]
     scenario = build(values)
+    limits = limits_of(scenario.model.input.size, given)
     region = unlimited_starts(scenario, feedback(scenario), limits)
     n = len(region)
     assert np.isfinite(region).all()

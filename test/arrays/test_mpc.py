@@ -97,6 +97,21 @@ def test_an_object_of_matrices_keeps_its_limits_and_prints_them():
     np.testing.assert_allclose(control.gain, kr.lqr(*MASS, dt=0.1).gain)
 
 
+def test_an_input_that_pushes_more_than_it_pulls_is_planned_so(tmp_path):
+    control = kr.mpc(*MASS, dt=0.1, input_limit=0.5, input_lower_limit=-0.1)
+    x, F, G, inputs = np.array([1.0, 0.0]), np.array([[1.0, 0.1], [0.0, 1.0]]), [0.005, 0.1], []
+    control.step(x)
+    planned = control.plan.inputs
+    assert planned.min() == pytest.approx(-0.1, abs=1e-3) and planned.max() < 0.5
+    for _ in range(150):
+        inputs.append(control.step(x))
+        x = F @ x + np.array(G) * inputs[-1]
+    assert np.min(inputs) == -0.1 and np.abs(x).max() < 0.02
+    assert 'u0 within -0.1 to 0.5' in repr(control)
+    lines = [line.get_ydata()[0] for line in control.plot()[2, 0].lines]
+    assert {-0.1, 0.5} <= set(lines)
+
+
 @pytest.mark.parametrize('mass', [1.0, 1e4, 1e7])
 def test_a_heavy_mass_keeps_its_hard_limit_as_a_light_one(mass):
     cost = np.diag([1.0, 0.1]) * mass**2

@@ -59,6 +59,9 @@ def test_limits_hold():
     assert slope[:, 0].max() < 1.0 + 1e-9 < slope[:, 1].max() < 2.0 + 1e-9
     assert run.limited > 10
     assert f'a limit changed the input in {run.limited} of 301 steps' in repr(run)
+    run = kr.simulate(seconds=3, seed=2, input_limit=[0.5, 0.4], input_lower_limit=[-0.1, -np.inf])
+    np.testing.assert_array_equal(run.input.min(axis=0), [-0.1, -0.4])
+    np.testing.assert_array_equal(run.input.max(axis=0), [0.5, 0.4])
     same = kr.simulate({}, {'input_limit': [0.5]}, seconds=1, seed=2)
     assert np.abs(same.input).max() <= 0.5
 

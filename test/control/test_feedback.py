@@ -6,7 +6,7 @@ import pytest
 
 from kalman_ros.control.feedback import Feedback, Regulator
 from kalman_ros.control.laws import LAWS, build_law, law_options
-from kalman_ros.control.limiter import Limiter, Limits
+from kalman_ros.control.limiter import Limiter, Limits, limits_of
 from kalman_ros.control.lqr import cost
 from kalman_ros.control.tracking import feed_forward, holdable
 from kalman_ros.core import DesignError, LinearSystem, Space
@@ -83,7 +83,7 @@ def test_only_integral_action_leaves_no_error_under_an_unknown_force():
 
 
 def test_no_input_exceeds_its_limits_and_the_integral_does_not_wind_up():
-    limits = Limits(np.array([2.0]), np.array([np.inf]))
+    limits = limits_of(1, {'input_limit': 2.0})
     held = regulator('lqi', limits)
     held.regulator.hold(*(np.array([1.9, 0.0]), np.zeros(1)))
     states, inputs = simulate(held, 40.0)
@@ -94,7 +94,7 @@ def test_no_input_exceeds_its_limits_and_the_integral_does_not_wind_up():
 
 
 def test_the_input_changes_no_faster_than_its_limit():
-    held = regulator(limits=Limits(np.array([np.inf]), np.array([5.0])))
+    held = regulator(limits=limits_of(1, {'input_rate_limit': 5.0}))
     held.answer(np.zeros(2), DT)
     _, inputs = simulate(held, 5.0, x=(1.0, 0.0))
     assert np.abs(np.diff(inputs[:, 0])).max() <= 5.0 * DT + 1e-12

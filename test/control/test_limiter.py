@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kalman_ros.control.limiter import Limiter, Limits
+from kalman_ros.control.limiter import Limiter, limits_of
 
-IDLE = np.array([1.0, -2.0])
+IDLE, INF = np.array([1.0, -2.0]), np.inf
 
 
 def limiter(magnitude=(np.inf, np.inf), rate=(np.inf, np.inf), idle=IDLE):
-    return Limiter(Limits(np.array(magnitude), np.array(rate)), idle)
+    return Limiter(limits_of(2, {'input_limit': magnitude, 'input_rate_limit': rate}), idle)
 
 
 @pytest.mark.parametrize('seconds', [0.0, 0.01])
@@ -48,10 +48,12 @@ def test_it_starts_idle_and_comes_back_to_exactly_that():
 def test_a_smaller_magnitude_is_reached_no_faster_than_the_rate_allows():
     held = limiter(rate=(10.0, 10.0), idle=np.zeros(2))
     held.toward(np.full(2, 9.0), 1.0)
-    held.adopt(Limits(np.full(2, 2.0), np.full(2, 10.0)), np.zeros(2))
+    held.adopt(limits_of(2, {'input_limit': 2.0, 'input_rate_limit': 10.0}), np.zeros(2))
     np.testing.assert_allclose(held.toward(np.full(2, 9.0), 0.1), 8.0)
 
 
 def test_an_idle_input_beyond_the_limit_is_refused():
-    with pytest.raises(ValueError, match=r'input_limit: expected at least .* idle input'):
+    with pytest.raises(
+        ValueError, match=r'input_limit: expected limits that contain the idle input'
+    ):
         limiter(magnitude=(1.0, 1.0))

@@ -7,7 +7,7 @@ from scipy.optimize import minimize
 
 from kalman_ros.control import predictive
 from kalman_ros.control.feedback import Feedback, Regulator
-from kalman_ros.control.limiter import Limits
+from kalman_ros.control.limiter import limits_of
 from kalman_ros.control.lqr import Cost, cost, dlqr
 from kalman_ros.control.motion import Differences, Motion
 from kalman_ros.control.predictive import Predictor, predicted, stretches
@@ -31,7 +31,7 @@ def prediction(limits=None, steps=12, moves=12, price=1e6, plant=(F, G), cost_=P
 
 
 def input_limits(most=INF, rate=INF, m=1):
-    return Limits(np.full(m, most), np.full(m, rate))
+    return limits_of(m, {'input_limit': most, 'input_rate_limit': rate})
 
 
 def test_stretches_begin_short_and_fill_the_horizon():

@@ -17,7 +17,7 @@ pytest.importorskip('rclpy')
 import kalman_ros as kr
 from kalman_ros.analysis.observability import observability
 from kalman_ros.analysis.verdict import judge
-from kalman_ros.control.limiter import Limits
+from kalman_ros.control.limiter import limits_of
 from kalman_ros.pipeline.settings import settings
 from kalman_ros.programs import design, export
 from kalman_ros.programs.replay import program as replay
@@ -147,7 +147,7 @@ def test_a_replay_is_printed_as_shown(tmp_path, capsys, monkeypatch):
 def test_a_path_beyond_a_limit_is_refused_as_shown():
     robot = kr.load('diff_drive', {'model_parameters.command_time': 0.2})
     corner = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 2.0, 0.0]])
-    limits = Limits(np.array([np.inf, 2.0]), np.full(2, np.inf))
+    limits = limits_of(2, {'input_limit': [np.inf, 2.0]})
     with pytest.raises(ValueError) as error:
         motion_of(robot, along_path(robot, corner, 1.0, 1.0), limits)
     line = f'reference/path: {error.value}; what was held stays'

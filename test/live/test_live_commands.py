@@ -149,8 +149,21 @@ def test_a_limit_is_dragged_and_removed():
     crossed = {'do': 'limit', 'of': 'state', 'name': 'x', 'side': 'low', 'value': 2.5, 'n': 1}
     assert 'expected low < high, got 2.5 and 2' in page.send(json.dumps(crossed))['error']
     found = limits(page.adjustments)
-    assert found['input'] == [None] and found['reason'] == ''
+    assert found['input'] == {'f': [None, None]} and found['reason'] == ''
     assert found['state']['x'] == [None, 2.0] and found['state']['v'] == [None, None]
+
+
+def test_each_limit_of_an_input_with_two_is_dragged_alone():
+    page = opened('cart_pole', input_lower_limit=[0.0])
+    for side, value, changed in (
+        ('high', 9.0, {'input_limit': [9.0]}),
+        ('low', -2.0, {'input_limit': [9.0], 'input_lower_limit': [-2.0]}),
+        ('low', -9.0, {'input_limit': [9.0], 'input_lower_limit': [-9.0]}),
+        ('low', -5.0, {'input_limit': [5.0], 'input_lower_limit': [-inf]}),  # they were alike
+    ):
+        command = {'do': 'limit', 'of': 'input', 'name': 'f', 'side': side, 'value': value, 'n': 1}
+        assert page.send(json.dumps(command))['error'] == ''
+        assert page.nodes.calls[-1] == ('set_parameters', changed, 'controller')
 
 
 def test_limits_of_states_need_a_law_that_predicts():

@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip('rclpy')
 
 from kalman_ros.codecs.layout import Sample
-from kalman_ros.control.limiter import Limiter, Limits
+from kalman_ros.control.limiter import Limiter, limits_of
 from kalman_ros.core import Signal
 from kalman_ros.nodes.controller import output
 from kalman_ros.nodes.controller.node import ControllerNode
@@ -48,7 +48,7 @@ def clock(monkeypatch):
 
 def stage(period, *, simulated=False):
     """Return an output stage for an input of at most 10 per second, and its publisher."""
-    limiter = Limiter(Limits(np.array([np.inf]), np.array([10.0])), np.zeros(1))
+    limiter = Limiter(limits_of(1, {'input_rate_limit': 10.0}), np.zeros(1))
     publisher = Publisher()
     built = OutputStage(publisher, lambda _, u: float(u[0]), limiter, period, simulated=simulated)
     built.open()

@@ -47,6 +47,7 @@ def change(node, name, value):
         (EstimatorNode, 'gate_recover_after', 7),
         (EstimatorNode, 'window', 0.5),
         (ControllerNode, 'input_limit', [3.0]),
+        (ControllerNode, 'input_lower_limit', [-0.5]),
         (ControllerNode, 'transition_time', 0.25),
         (PlantNode, 'position.dropout', 0.25),
         (PlantNode, 'max_message_size', 5000),

@@ -13,7 +13,7 @@ pytest.importorskip('rclpy')
 
 from rclpy.task import Future
 
-from kalman_ros.control.limiter import Limiter, Limits
+from kalman_ros.control.limiter import Limiter, limits_of
 from kalman_ros.nodes.controller.output import OutputStage
 from kalman_ros.nodes.middleware import runtime
 
@@ -79,7 +79,7 @@ def test_an_end_that_waits_for_itself_is_cut_off():
 def test_an_output_that_is_closed_does_not_wait_for_subscribers():
     """Only the owner of the publisher waits; the node would receive nothing meanwhile."""
     publisher = Witness()
-    limiter = Limiter(Limits(np.array([5.0]), np.array([np.inf])), np.zeros(1))
+    limiter = Limiter(limits_of(1, {'input_limit': 5.0}), np.zeros(1))
     output = OutputStage(publisher, lambda *_: b'', limiter, 0.01, simulated=False)
     output.open()
     output.command(0, np.array([1.0]))

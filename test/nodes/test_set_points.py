@@ -96,7 +96,7 @@ def test_another_mass_hovers_with_another_thrust(reader):
 @pytest.mark.parametrize('limited', [kr.simulate, kr.monte_carlo])
 def test_a_limit_below_the_thrust_that_hovers_is_refused(limited):
     given = {'seconds': 0.1, 'runs': 2} if limited is kr.monte_carlo else {'seconds': 0.1}
-    message = r'input_limit: expected at least the magnitude of the input at rest \[9\.81\], got'
+    message = r'input_limit: expected limits that contain the input at rest \[9\.81\], got'
     with pytest.raises(ValueError, match=message):
         limited(scenario(1.0), input_limit=9.8, **given)
     limited(scenario(1.0), input_limit=9.82, **given)

@@ -74,11 +74,11 @@ def test_a_filter_or_a_file_is_enough(tmp_path):
 def test_without_a_limit_there_is_none(tmp_path):
     (only,) = asked(tmp_path, scenario='cart_pole')
     built = scenario.build({'model': 'cart_pole'})
-    assert only.limits(built).magnitude == 40.0
+    assert only.limits(built).upper == 40.0
     first, second = asked(tmp_path, 'input_limit=[2.0]')
     built = scenario.build({'model': 'mass_spring_damper'})
-    assert first.limits(built).magnitude == np.inf
-    assert second.limits(built).magnitude == 2.0
+    assert first.limits(built).upper == np.inf
+    assert second.limits(built).upper == 2.0
     assert first.label == 'without input_limit'
 
 

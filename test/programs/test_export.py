@@ -51,7 +51,7 @@ def test_limits_idle_input_and_options_of_the_file_are_carried(tmp_path):
     export.main([str(mine), '--out', str(tmp_path / 'c'), '--no-build'])
     text = (tmp_path / 'c' / 'mine.c').read_text()
     for expected in (
-        'MAGNITUDE[] = {R(2.5)}', 'RATE[] = {R(9.0)}',
+        'LOWER[] = {R(-2.5)}', 'UPPER[] = {R(2.5)}', 'RATE[] = {R(9.0)}',
         'MAX_GAP INT64_C(3000000000)', 'RECOVER_AFTER 7',
     ):  # fmt: skip
         assert expected in text

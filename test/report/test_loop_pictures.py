@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from kalman_ros import scenario
-from kalman_ros.control.limiter import Limits
+from kalman_ros.control.limiter import Limits, limits_of
 from kalman_ros.report.gain_pictures import gains
 from kalman_ros.report.innovation_pictures import correlations, innovations
 from kalman_ros.report.maps import observer, route, sights
@@ -130,7 +130,7 @@ def test_innovations_outside_of_the_panel_are_counted(loop, tmp_path):
 @pytest.mark.slow
 def test_limits_are_drawn_in_the_picture_of_the_input(loop, tmp_path):
     built, run = loop
-    bounds = Limits(np.array([20.0]), np.array([np.inf]))
+    bounds = limits_of(1, {'input_limit': 20.0})
     axis = force(built, run, tmp_path / 'force.png', bounds)[0, 0]
     assert [line.get_ydata()[0] for line in axis.lines[1:]] == [-20.0, 20.0]
     assert axis.get_title('right') == 'limits -20 and 20 N'

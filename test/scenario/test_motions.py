@@ -116,14 +116,14 @@ def test_inputs_beyond_their_limits_are_refused_with_the_time(factor, refused):
     reference = along_path(scenario, CORNER, 0.5, 0.5)
     inputs = motion_of(scenario, reference).inputs
     rate = np.abs(np.diff(inputs[:-1], axis=0)).max(axis=0) * scenario.rate
-    largest = np.abs(inputs).max(axis=0)
     none = np.full(2, np.inf)
     for given, name in (
-        (Limits(factor * largest, none), 'input_limit'),
-        (Limits(none, factor * rate), 'input_rate_limit'),
+        (Limits(-none, factor * inputs.max(axis=0), none), 'input_limit'),
+        (Limits(factor * inputs.min(axis=0), none, none), 'input_lower_limit'),
+        (Limits(-none, none, factor * rate), 'input_rate_limit'),
     ):
         if refused:
-            with pytest.raises(ValueError, match=rf'at \S+ s, more than the {name} of'):
+            with pytest.raises(ValueError, match=rf'at \S+ s, beyond the {name} of'):
                 motion_of(scenario, reference, given)
         else:
             motion_of(scenario, reference, given)
@@ -245,7 +245,7 @@ def test_a_new_path_is_planned_from_where_the_robot_is_as_fast_as_it_is(path, lo
     first, second = reference.values[:2]
     np.testing.assert_allclose(first, begin.state[:2], atol=1e-9)
     np.testing.assert_allclose((second - first) * scenario.rate, begin.rate[:2], atol=0.01)
-    motion = motion_of(scenario, reference, limits(scenario, [1.0, 3.0]))
+    motion = motion_of(scenario, reference, limits(scenario, {'input_limit': [1.0, 3.0]}))
     np.testing.assert_allclose(motion.states[0], begin.state)
     assert np.abs(motion.inputs[0] - before)[0] < 0.25
     assert np.abs(motion.inputs[:, 0]).max() < 0.85

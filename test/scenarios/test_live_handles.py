@@ -102,7 +102,7 @@ def test_a_refused_path_is_told_with_the_reason(robot):
     assert loop.do(do='limit', of='input', name='v', value=0.3)['error'] == ''
     browser.until(f'document.querySelector({number!r}).value === "0.8"')
     browser.click('#handles button:nth-of-type(3)')  # an eight
-    why = 'more than the input_limit of 0.3'  # the path of before may have been refused, too
+    why = 'beyond the input_limit of 0.3'  # the path of before may have been refused, too
     loop.seen('path', lambda m: m['state'] == 'refused' and why in m['reason'])
     browser.until(f'{text("#sentence")}.startsWith("The path is refused: it needs v of")')
     loop.do(do='limit', of='input', name='v', value=1.5)

@@ -18,7 +18,9 @@ POLE = build({'model': 'cart_pole', 'law': 'mpc', 'horizon': 0.2})
 
 
 def law_of(scenario, reference, magnitude=np.inf, rate=np.inf):
-    limits = limits_of(scenario.model.input.size, magnitude, rate)
+    limits = limits_of(
+        scenario.model.input.size, {'input_limit': magnitude, 'input_rate_limit': rate}
+    )
     return Law(scenario, regulators.feedback(scenario), limits, reference)
 
 

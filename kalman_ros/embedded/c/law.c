@@ -90,7 +90,7 @@ static void toward(loop_state *s, const real *wanted, real seconds)
 {
     for (int j = 0; j < M; j++) {
         real u = wanted[j], reach = RATE[j] < INFINITY ? RATE[j] * seconds : RATE[j];
-        u = fmin(fmax(u, -MAGNITUDE[j]), MAGNITUDE[j]);
+        u = fmin(fmax(u, LOWER[j]), UPPER[j]);
         s->output[j] = fmin(fmax(u, s->output[j] - reach), s->output[j] + reach);
     }
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the page shows, and what was changed, in its address: a bookmark brings it back.
 
+import { areAlike } from './limits.js';
 import { page } from './page.js';
 
 const known = () => new URLSearchParams(location.hash.slice(1));
@@ -39,14 +40,13 @@ export function rememberValues() {
     choose: changes(page.chosen, chosen),
     poles: changes(page.placed, placed),
     places: changes(page.places, places),
-    inputs: changes(byName(page.limits.input), byName(limits.input)),
-    states: changes(bounded(page.limits.state), bounded(limits.state)),
+    inputs: changes(bounded('input', page.limits), bounded('input', limits)),
+    states: changes(bounded('state', page.limits), bounded('state', limits)),
     ghost: page.ghost.filter ?? '',
   });
 }
 
-const bounded = (limits) => Object.fromEntries(page.scene.state.names.map((name) => [name, limits[name] ?? [null, null]]));
-const byName = (limits) => Object.fromEntries(limits.map((limit, k) => [page.scene.input.names[k], limit]));
+const bounded = (of, limits) => Object.fromEntries(page.scene[of].names.map((name) => [name, limits[of][name] ?? [null, null]]));
 
 // the object in a part of the address with which the page was opened; empty where it is not one
 function object(name) {
@@ -78,18 +78,15 @@ export function addressedCommands() {
   for (const [sensor, place] of Object.entries(object('places'))) {
     if (sensor in page.places && Array.isArray(place) && place.length === 2 && place.every(Number.isFinite) && String(page.places[sensor]) !== String(place)) commands.push({ do: 'place', sensor, x: place[0], y: place[1] });
   }
-  const { input, state } = page.scene;
-  for (const [name, value] of Object.entries(object('inputs'))) {
-    if (input.names.includes(name) && limit(value) && page.limits.input[input.names.indexOf(name)] !== value) commands.push({ do: 'limit', of: 'input', name, side: 'high', ...bound(value) });
-  }
-  for (const [name, pair] of Object.entries(object('states'))) {
-    if (!state.names.includes(name) || !Array.isArray(pair) || pair.length !== 2 || !pair.every(limit)) continue;
-    const now = page.limits.state[name] ?? [null, null];
+  const pairs = ['input', 'state'].flatMap((of) => Object.entries(object(`${of}s`)).map(([name, pair]) => [of, name, pair]));
+  for (const [of, name, pair] of pairs) {
+    if (!page.scene[of].names.includes(name) || !Array.isArray(pair) || pair.length !== 2 || !pair.every(limit)) continue;
+    const now = page.limits[of][name] ?? [null, null];
     // the low one is never above the high one, neither on the way
     const sides = pair[0] !== null && now[1] !== null && pair[0] >= now[1] ? ['high', 'low'] : ['low', 'high'];
-    for (const side of sides) {
+    for (const side of areAlike(of, name) ? ['high'] : sides) {
       const k = side === 'low' ? 0 : 1;
-      if (now[k] !== pair[k]) commands.push({ do: 'limit', of: 'state', name, side, ...bound(pair[k]) });
+      if (now[k] !== pair[k]) commands.push({ do: 'limit', of, name, side, ...bound(pair[k]) });
     }
   }
   const ghost = addressed('ghost');

@@ -6,7 +6,7 @@ import { Controls } from './controls.js';
 import { data } from './data.js';
 import { buildGhost } from './ghost.js';
 import { grab, noGrab } from './grab.js';
-import { hasLimits, hasWalls, limitOf, setLimit } from './limits.js';
+import { areAlike, hasLimits, hasWalls, limitOf, setLimit } from './limits.js';
 import { $, acted, element, page } from './page.js';
 import { pathHint, sendShape, SHAPES } from './path.js';
 import { short } from './pen.js';
@@ -158,11 +158,12 @@ function buildLimits(place) {
   for (const [of, name, unit] of shown) {
     const reason = hasLimits(of, name) ? '' : page.limits.reason;
     const row = element('div', { className: 'limits', title: reason }, element('span', { textContent: `${of === 'input' ? 'input ' : ''}${name} [${unit}]` }));
-    for (const side of of === 'input' ? ['high'] : ['low', 'high']) {
+    const alike = areAlike(of, name);
+    for (const side of alike ? ['high'] : ['low', 'high']) {
       const field = element('input', { type: 'number', step: 'any', disabled: Boolean(reason), placeholder: 'no limit', title: reason || 'empty: no limit' });
-      field.setAttribute('aria-label', of === 'input' ? `largest magnitude of ${name}` : `${side === 'low' ? 'lowest' : 'highest'} ${name}`);
+      field.setAttribute('aria-label', alike ? `largest magnitude of ${name}` : `${side === 'low' ? 'lowest' : 'highest'} ${name}`);
       field.addEventListener('change', () => setLimit({ of, name, side }, field.value === '' ? null : Number(field.value)));
-      row.append(element('span', { className: 'role', textContent: of === 'input' ? '±' : side === 'low' ? 'lowest' : 'highest' }), field);
+      row.append(element('span', { className: 'role', textContent: alike ? '±' : side === 'low' ? 'lowest' : 'highest' }), field);
       fields.push({ field, show: () => { const value = limitOf(of, name, side); field.value = value === null ? '' : short(value); } });
     }
     place.append(row);

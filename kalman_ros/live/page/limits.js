@@ -13,15 +13,20 @@ let held = null;       // the limit that is dragged, with its value
 
 // the limit of an input or a state; null where there is none
 export function limitOf(of, name, side) {
-  if (held && held.of === of && held.name === name && (of === 'input' || held.side === side)) {
-    return of === 'input' && side === 'low' ? -held.value : held.value;
+  if (held && held.of === of && held.name === name) {
+    if (areAlike(of, name)) return side === 'low' ? -Math.abs(held.value) : Math.abs(held.value);
+    if (held.side === side) return held.value;
   }
-  if (of === 'state') return page.limits.state[name]?.[side === 'low' ? 0 : 1] ?? null;
-  const most = page.limits.input[page.scene.input.names.indexOf(name)] ?? null;
-  return most === null || side === 'high' ? most : -most;
+  return page.limits[of][name]?.[side === 'low' ? 0 : 1] ?? null;
 }
 
-export const hasLimits = (of, name) => (of === 'input' ? page.limits.input.length > 0 : name in page.limits.state);
+// whether the limits of an input move together, one minus the other
+export function areAlike(of, name) {
+  const [low, high] = page.limits[of][name] ?? [null, null];
+  return of === 'input' && (low === null ? high === null : low === -high);
+}
+
+export const hasLimits = (of, name) => name in page.limits[of];
 
 // lines of a plot, one for each side; where there is no limit, only while limits are the task
 export function limitLines(of, name) {
@@ -39,7 +44,7 @@ export function setLimit(grip, value, done) {
 function limitHandle(limit, hit, valueAt) {
   const hold = (x, y) => {
     const value = valueAt(x, y);
-    held = { ...limit, value: limit.of === 'input' ? Math.abs(value) : value };
+    held = { ...limit, value };
     page.dirty = true;
   };
   return {
@@ -97,16 +102,14 @@ export function acting() {
     const recent = (rows ?? []).filter((row) => row[0] >= since);
     return recent.length ? recent.filter(test).length / recent.length : 0;
   };
-  input.names.forEach((name, k) => {
-    const most = limitOf('input', name, 'high');
-    if (most !== null) found.push({ of: 'input', name, share: share(data.rows.input, (row) => Math.abs(row[1 + k]) >= 0.999 * most) });
-  });
-  state.names.forEach((name, k) => {
-    const low = limitOf('state', name, 'low'), high = limitOf('state', name, 'high');
+  const add = (of, name, rows, column, near) => {
+    const low = limitOf(of, name, 'low'), high = limitOf(of, name, 'high');
     if (low === null && high === null) return;
-    const beyond = (x) => (low !== null && x <= low + NEAR * Math.abs(low)) || (high !== null && x >= high - NEAR * Math.abs(high));
-    found.push({ of: 'state', name, share: share(data.rows.truth, (row) => beyond(row[1 + k])) });
-  });
+    const beyond = (value) => (low !== null && value <= low + near * Math.abs(low)) || (high !== null && value >= high - near * Math.abs(high));
+    found.push({ of, name, share: share(rows, (row) => beyond(row[column])) });
+  };
+  input.names.forEach((name, k) => add('input', name, data.rows.input, 1 + k, 0.001));
+  state.names.forEach((name, k) => add('state', name, data.rows.truth, 1 + k, NEAR));
   if (history.length > 1) {
     const [, a, b] = history[0], [, c, d] = history.at(-1);
     if (c > a) found.push({ of: 'plan', name: '', share: (d - b) / (c - a) });

@@ -93,7 +93,7 @@ class MotionReader:
         """Plan for another scenario, or with other options, from now on."""
         asked = (
             options.path_speed, options.path_acceleration, options.path_tolerance,
-            limits.magnitude.tolist(), limits.rate.tolist(),
+            limits.lower.tolist(), limits.upper.tolist(), limits.rate.tolist(),
         )  # fmt: skip
         same = scenario is self._asked[0] and asked == self._asked[1]
         self._scenario, self._options, self._limits = scenario, options, limits

@@ -17,7 +17,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from kalman_ros.codecs.layout import Sample
 from kalman_ros.control.feedback import Regulator
-from kalman_ros.control.limiter import Limiter, Limits, check_idle
+from kalman_ros.control.limiter import LIMITS, Limiter, Limits
 from kalman_ros.control.motion import Motion
 from kalman_ros.control.predictive import Prediction
 from kalman_ros.core import Array, Value, is_finite
@@ -362,7 +362,7 @@ class ControllerNode(runtime.ScenarioNode):
         """Redesign the gains for other weights, poles, limits or another model."""
         bounds, idle = _limited(scenario, options)
         accepted = guard_limits(scenario, options)
-        check_idle(bounds, idle)
+        bounds.refuse('the idle input', idle)
         motion, changed = self._regulator.motion, scenario is not self.scenario
         found, equilibria = self._regulator.feedback, self._reference.equilibria
         if changed:  # else the design, which takes tens of milliseconds
@@ -458,7 +458,7 @@ class ControllerNode(runtime.ScenarioNode):
 
 def _limited(scenario: Scenario, options: ControllerOptions) -> tuple[Limits, Array]:
     """Return the limits and the idle input (m,) for a `Limiter`."""
-    found = limits(scenario, options.input_limit, options.input_rate_limit)
+    found = limits(scenario, {name: getattr(options, name) for name in LIMITS})
     return found, idle_input(scenario.model, options.idle_input)
 
 

@@ -35,8 +35,16 @@ class ControllerOptions(NodeOptions):
     idle_input: IdleInput = 'zero'
     input_limit: Annotated[
         Sequence[float],
-        About('largest magnitude of each input; one for all', minimum=0.0, live=True),
+        About(
+            'largest magnitude of each input, or beside a lower limit its largest value',
+            minimum=0.0,
+            live=True,
+        ),
     ] = (inf,)
+    input_lower_limit: Annotated[
+        Sequence[float],
+        About('smallest value of each input; -.inf: minus its input_limit', live=True),
+    ] = (-inf,)
     input_rate_limit: Annotated[
         Sequence[float],
         About('largest change of each input a second; one for all', minimum=0.0, live=True),

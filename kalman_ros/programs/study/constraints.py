@@ -93,7 +93,7 @@ def _many(runs: int) -> list[Check]:
     falls, worst = {}, 0.0
     for name, options in LAWS.items():
         scenario = build({**SYSTEM, **options})
-        law = Law(scenario, feedback(scenario), limits(scenario, FORCE), None)
+        law = Law(scenario, feedback(scenario), limits(scenario, {'input_limit': FORCE}), None)
         states = [
             closed_loop.run(scenario, None, SECONDS, seed, answer=law()).truth
             for seed in range(runs)

@@ -108,7 +108,7 @@ def _follow(points: Array) -> Followed:
         publish_path(run, points)
         run.advance(seconds)
         followed = run.trajectory()
-    law = Law(scenario, feedback(scenario), limits(scenario), with_law(scenario, motion))
+    law = Law(scenario, feedback(scenario), limits(scenario, {}), with_law(scenario, motion))
     lqr, pursuit = (
         [closed_loop.run(scenario, None, seconds, seed, answer=start()) for seed in range(RUNS)]
         for start in _laws(law, motion)

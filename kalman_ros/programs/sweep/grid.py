@@ -181,5 +181,5 @@ class Grid:
 
 
 def _law(believed: Scenario, values: Mapping[str, Any]) -> Law:
-    limits = [np.ravel(values.get(name, inf)) for name in LIMITS]
-    return Law(believed, regulators.feedback(believed), regulators.limits(believed, *limits), None)
+    limits = regulators.limits(believed, values)
+    return Law(believed, regulators.feedback(believed), limits, None)

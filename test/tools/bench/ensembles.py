@@ -56,7 +56,7 @@ def benchmarks() -> Iterator[list[Benchmark]]:
 
 
 def _experiment(built: Scenario) -> Experiment:
-    law = Law(built, regulators.feedback(built), regulators.limits(built), None)
+    law = Law(built, regulators.feedback(built), regulators.limits(built, {}), None)
     loop = Loop(built, built, (_STEPS - 1) / built.rate, law)
     return Experiment(loop, regulators.price(built).weight, 0)
 

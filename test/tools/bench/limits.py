@@ -112,7 +112,7 @@ def _times(*, predicts: bool) -> Array:
         law = replace(law, prediction=None)
     rng, times = np.random.default_rng(0), []
     for _ in range(_RUNS):
-        bounds = limits(scenario, _FORCE)
+        bounds = limits(scenario, {'input_limit': _FORCE})
         regulator = Regulator(model.state, law, model.equilibrium, limits=bounds)
         x, acted = np.array([rng.uniform(-0.8, 0.8), 0.0, 0.0, 0.0]), _count(regulator)
         for _ in range(_STEPS):
