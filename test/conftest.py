@@ -45,7 +45,9 @@ def left_out(config):
 
 
 def pytest_configure(config):
-    """Choose the examples of hypothesis, unless the command line has chosen."""
+    """Choose the examples of hypothesis, unless the command line has chosen; quick tests first."""
+    if left_out(config) == BY_HAND and not hasattr(config, 'workerinput'):
+        config.pluginmanager.register(QuickFirst(config))
     if not config.getoption('hypothesis_profile', None):
         decides = left_out(config) == BY_HAND
         settings.load_profile('quick' if config.option.fast else 'fixed' if decides else 'fresh')
@@ -59,10 +61,14 @@ def pytest_cmdline_main(config):
         config.option.numprocesses = 'auto'
 
 
+#: Whether the test that runs is a quick one.
+RUNNING = {'quick': False}
+
+
 def refuse_process(event, _):
-    """Fail where a process is started."""
-    if event in STARTS:
-        raise RuntimeError(f'{event}: --fast starts no process; mark the test slow')
+    """Fail where a quick test starts a process."""
+    if RUNNING['quick'] and event in STARTS:
+        raise RuntimeError(f'{event}: a quick test starts no process; mark it slow')
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -82,8 +88,40 @@ def pytest_collection_modifyitems(config, items):
     if deselected:
         config.hook.pytest_deselected(items=deselected)
         items[:] = [item for item in items if item not in set(deselected)]
-    if config.option.fast:
-        sys.addaudithook(refuse_process)
+    items.sort(key=is_slow)  # what fails is known as soon as possible
+    sys.addaudithook(refuse_process)
+
+
+def is_slow(item):
+    """Return whether a test may start processes and take its time."""
+    return any(map(item.get_closest_marker, ('slow', *BY_HAND)))
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_protocol(item):
+    """Let no quick test start a process."""
+    RUNNING['quick'] = not is_slow(item)
+    yield
+    RUNNING['quick'] = False
+
+
+class QuickFirst:
+    """Ends a run before the first slow test where a quick one has failed."""
+
+    def __init__(self, config):
+        self.config, self.failed = config, False
+
+    def pytest_sessionstart(self, session):
+        """Keep the session, which is asked to stop where there are no workers."""
+        self.session = session
+
+    def pytest_runtest_logreport(self, report):
+        """Count failures of quick tests, and stop at the first report of another."""
+        slow = 'slow' in report.keywords
+        self.failed = self.failed or (report.failed and not slow)
+        if slow and self.failed:
+            runs = self.config.pluginmanager.getplugin('dsession') or self.session
+            runs.shouldstop = 'a quick test failed: the slow ones did not run'
 
 
 @pytest.hookimpl(tryfirst=True)

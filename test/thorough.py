@@ -10,7 +10,10 @@ import pytest
 
 
 def thorough(*values: Any) -> Any:
-    """Return one set of values of a test that is thorough."""
+    """Return one set of values of a test that is thorough; it may have marks already."""
+    (marked,) = values if len(values) == 1 and hasattr(values[0], 'marks') else (None,)
+    if marked is not None:
+        return pytest.param(*marked.values, marks=[*marked.marks, pytest.mark.thorough])
     return pytest.param(*values, marks=pytest.mark.thorough)
 
 

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.control.limiter import LIMITS
 from kalman_ros.control.operating_point import is_still, unrest
 from kalman_ros.core import (
     Array,
@@ -94,12 +93,9 @@ def numbers(name: str, value: Any) -> Array:
 def limits_given(
     limit: ArrayLike | None, lower: ArrayLike | None, rate: ArrayLike | None
 ) -> dict[str, Array]:
-    """Return the limits of the input that are given, by the names of `LIMITS`."""
-    return {
-        name: numbers(name, value).ravel()
-        for name, value in zip(LIMITS, (limit, lower, rate))
-        if value is not None
-    }
+    """Return the limits of the input that are given, by name."""
+    given = {'input_limit': limit, 'input_lower_limit': lower, 'input_rate_limit': rate}
+    return {name: numbers(name, value) for name, value in given.items() if value is not None}
 
 
 def got(value: Any) -> str:

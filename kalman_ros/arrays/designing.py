@@ -21,7 +21,7 @@ from kalman_ros.core.known_arguments import knows_arguments
 from kalman_ros.core.known_names import KnownNames
 from kalman_ros.linear.structure import ComplexArray
 from kalman_ros.scenario import Scenario
-from kalman_ros.scenario.regulator import limits
+from kalman_ros.scenario.regulator import actuators
 
 from .accept import columns, number, rows, square
 from .estimates import _path
@@ -191,7 +191,7 @@ def design(
     values = parameters or {}
     bounds = None
     if scenario.model.input.size:
-        bounds = limits(scenario, values)
+        bounds, _ = actuators(scenario, values)
     return Design(report(scenario, delay, limits=bounds), delay, parameters)
 
 

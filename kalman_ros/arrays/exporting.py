@@ -19,8 +19,7 @@ from kalman_ros.embedded.loop import loop
 from kalman_ros.embedded.writing import Built, Written, build, write
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.scenario import Scenario
-from kalman_ros.scenario.idle import idle_input as idle_of
-from kalman_ros.scenario.regulator import limits
+from kalman_ros.scenario.regulator import actuators
 
 from . import text
 from .accept import limits_given, number, whole
@@ -120,8 +119,6 @@ def export(
         scenario = scenarios.build(values)
     elif overrides:
         raise ValueError('overrides: expected none for a Scenario, whose objects are built')
-    own_limits = limits_given(input_limit, input_lower_limit, input_rate_limit)
-    bounds = limits(scenario, {**values, **own_limits})
     choices = {
         'idle_input': (idle_input, 'zero'),
         'gate_recover_after': (recover_after, Policy.recover_after),
@@ -136,7 +133,8 @@ def export(
         max_gap=number('max_gap', gap, 'a number of seconds'),
     )
     blend = number('transition_time', transition, 'a number of seconds')
-    at_rest = idle_of(scenario.model, str(idle))
+    own_limits = limits_given(input_limit, input_lower_limit, input_rate_limit)
+    bounds, at_rest = actuators(scenario, {**values, **own_limits, 'idle_input': idle})
     if not 0.0 <= blend < inf:
         raise ValueError(f'transition_time: expected at least 0 s, got {blend:g}')
     found = loop(scenario, policy, bounds, at_rest, control=control, motion=motion, blend=blend)

@@ -52,13 +52,13 @@ def _law(
     real: Scenario, believed: Scenario, values: Mapping[str, Any], given: Given
 ) -> Law | None:
     """Return the law of a loop; None without an input."""
-    limits = regulators.limits(believed, {**values, **given.limits})
+    limits, idle = regulators.actuators(believed, {**values, **given.limits})
     if not real.model.input.size:
         for name, value in {'reference': given.reference, 'gain': given.gain}.items():
             if value is not None:
                 raise ValueError(f'{name}: expected none, for the model has no input')
         return None
-    law = Law(believed, _feedback(believed, given.gain), limits, given.reference)
+    law = Law(believed, _feedback(believed, given.gain), limits, given.reference, idle)
     law()  # a reference that no input holds is refused
     return law
 
@@ -68,7 +68,8 @@ def _parts(
 ) -> tuple[Scenario, Scenario, Mapping[str, Any], PlantFaults | None]:
     """Return the scenarios of plant and estimator, the controller's values, and the faults."""
     if isinstance(given, Scenario):
-        return load(given, overrides), given, {}, None
+        # without a controller's file it begins at rest
+        return load(given, overrides), given, {'idle_input': 'equilibrium'}, None
     typed = {} if overrides is None else overrides
     believed = values_of(given, typed, *BELIEVED, faults=True)
     values = values_of(given, typed, 'plant', faults=True)

@@ -71,8 +71,8 @@ def motion(
         How far a state may be from what is asked for, in its unit, beyond a tenth of its extent.
         Right angles of a path are cut by as much, in metres.
     input_limit, input_lower_limit, input_rate_limit
-        Largest input, the smallest if it is not minus that, and its largest change per second;
-        one number for all inputs.
+        Largest magnitude of the input, its smallest value where that is another, and its
+        largest change per second; one number for all inputs.
 
     Raises
     ------

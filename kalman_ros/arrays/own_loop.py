@@ -207,8 +207,8 @@ class Regulator(KnownNames):
     gain
         K (m, n), instead of the law's.
     input_limit, input_lower_limit, input_rate_limit
-        The largest input, the smallest if it is not minus that, and its largest change per second;
-        one number for all inputs.
+        The largest magnitude of the input, its smallest value where that is another, and its
+        largest change per second; one number for all inputs.
 
     Raises
     ------

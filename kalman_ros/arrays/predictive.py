@@ -61,8 +61,8 @@ class PredictiveControl(KnownNames):
         assert feedback.prediction is not None
         self._space, self._inputs, self._rest, self._limits = space, inputs, rest, limits
         self._feedback, self._prediction = feedback, feedback.prediction
-        self._answer = Answer(space, feedback, rest, limits=limits)
-        self._limiter = Limiter(limits, np.zeros(len(inputs)))
+        self._answer = Answer(space, feedback, rest, limits=limits, start=rest[1])
+        self._limiter = Limiter(limits, rest[1])
         self._state, self._planned = rest[0], True
 
     @property
@@ -209,8 +209,8 @@ def mpc(
     dt
         Length of a step in seconds, during which the input is held.
     input_limit, input_lower_limit, input_rate_limit
-        Largest input, the smallest if it is not minus that, and its largest change per second;
-        one number for all inputs.
+        Largest magnitude of the input, its smallest value where that is another, and its
+        largest change per second; one number for all inputs.
     state_limit
         [low, high] by the name of a state; of matrices ``x0``, ``x1`` and so on.
     state_price
@@ -263,4 +263,5 @@ def mpc(
     )  # fmt: skip
     feedback = Feedback(design.gain, np.empty((m, 0)), (), design.poles, prediction)
     rest = (np.zeros(n), np.zeros(m)) if model is None else model.equilibrium
+    limits.check('the input at rest', rest[1])
     return PredictiveControl(space, found.inputs, feedback, limits, rest)

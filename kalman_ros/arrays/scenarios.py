@@ -107,7 +107,7 @@ def values_of(
     if typed:
         known = plant_options(values) if faults else scenario.options(values)
         of_filter = {option.name for option in filter_options(_filter_of(values, known))}
-        refuse_unknown(typed, {*known, *of_filter, *LIMITS}, 'parameter')
+        refuse_unknown(typed, {*known, *of_filter, *LIMITS, 'idle_input'}, 'parameter')
     return values
 
 

@@ -157,8 +157,8 @@ def simulate(
     gain
         K (m, n), instead of the scenario's law.
     input_limit, input_lower_limit, input_rate_limit
-        The largest input, the smallest if it is not minus that, and its largest change per second;
-        one number for all inputs.
+        The largest magnitude of the input, its smallest value where that is another, and its
+        largest change per second; one number for all inputs.
 
     Raises
     ------

@@ -80,6 +80,8 @@ class Regulator:
         Limits of the input, for a law that predicts them.
     budget
         Seconds in which it has to.
+    start
+        The input (m,) before the first; zero by default.
     """
 
     def __init__(
@@ -90,7 +92,9 @@ class Regulator:
         blend: float = 0.0,
         limits: Limits | None = None,
         budget: float = inf,
+        start: Array | None = None,
     ) -> None:
+        self._start = np.zeros(len(feedback.gain)) if start is None else start
         self._space, self._feedback, self._blend = space, feedback, blend
         self._limits = limits or Limits.none(len(feedback.gain))
         self._budget = budget
@@ -223,7 +227,7 @@ class Regulator:
         if moving is not None and moving.gains is not None and moving.differences is None:
             return np.zeros_like(u)  # how differences from it move is not known
         error = self._space.subtract(x, self._aim.state)
-        before = np.zeros_like(u) if self._last is None else self._last[1]
+        before = np.broadcast_to(self._start, u.shape) if self._last is None else self._last[1]
         return predictor.correction(error, self._ahead(predictor.steps), before)
 
     def _ahead(self, steps: int) -> Motion:

@@ -9,11 +9,14 @@ from math import inf
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kalman_ros.core import Array, one_each
 
 #: Names of the limits, which are parameters of the controller and not of a scenario.
 LIMITS = ('input_limit', 'input_lower_limit', 'input_rate_limit')
+#: What each of them is where there is none.
+_NONE = dict(zip(LIMITS, (inf, -inf, inf)))
 
 
 @dataclass(frozen=True)
@@ -46,12 +49,20 @@ class Limits:
         """Return the allowed input closest to an input (m,), whatever its change."""
         return np.clip(u, self.lower, self.upper)
 
-    def refuse(self, what: str, u: Array) -> None:
+    @property
+    def are_alike(self) -> NDArray[np.bool_]:
+        """Whether the lower limit of each input (m,) is minus the upper one."""
+        alike: NDArray[np.bool_] = self.lower == -self.upper
+        return alike
+
+    def check(self, what: str, u: Array, remedy: str = '') -> None:
         """Raise ValueError if an input (m,) is beyond the limits; ``what`` is its name."""
-        if np.any(u < self.lower) or np.any(u > self.upper):
+        below, above = u < self.lower, u > self.upper
+        if np.any(below | above):
+            name = 'input_lower_limit' if np.any(below & ~self.are_alike) else 'input_limit'
             raise ValueError(
-                f'input_limit: expected limits that contain {what} {u.tolist()}, '
-                f'got {self.lower.tolist()} to {self.upper.tolist()}'
+                f'{name}: expected limits that contain {what} {u.tolist()}, '
+                f'got {self.lower.tolist()} to {self.upper.tolist()}{remedy}'
             )
 
 
@@ -66,20 +77,18 @@ def limits_of(m: int, values: Mapping[str, Any]) -> Limits:
     ValueError
         If the number of values is wrong, one is negative, or the lower limit above the upper.
     """
-    upper, rate = (
-        one_each(name, values.get(name, inf), m) for name in ('input_limit', 'input_rate_limit')
-    )
-    lower = one_each('input_lower_limit', values.get('input_lower_limit', -inf), m)
-    for name, limit in ('input_limit', upper), ('input_rate_limit', rate):
-        if not np.all(limit >= 0.0):
-            raise ValueError(f'{name}: expected at least 0, got {limit.tolist()}')
+    limits = {name: one_each(name, values.get(name, none), m) for name, none in _NONE.items()}
+    for name in 'input_limit', 'input_rate_limit':
+        if np.any(limits[name] < 0.0):
+            raise ValueError(f'{name}: expected at least 0, got {limits[name].tolist()}')
+    upper, lower = limits['input_limit'], limits['input_lower_limit']
     lower = np.where(np.isneginf(lower), -upper, lower)
-    if not np.all(lower <= upper):
+    if np.any(lower > upper):
         raise ValueError(
             f'input_lower_limit: expected at most the input_limit {upper.tolist()}, '
             f'got {lower.tolist()}'
         )
-    return Limits(lower, upper, rate)
+    return Limits(lower, upper, limits['input_rate_limit'])
 
 
 class Limiter:
@@ -110,7 +119,7 @@ class Limiter:
 
     def adopt(self, limits: Limits, idle: Array) -> None:
         """Use other limits and another idle input from now on; the input is unchanged."""
-        limits.refuse('the idle input', idle)
+        limits.check('the idle input', idle)
         self._limits, self.idle = limits, idle
         self._free = limits.are_none
 

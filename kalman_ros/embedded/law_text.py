@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from kalman_ros.scenario.regulator import BEYOND
+
 from .expressions import number, numbers
 from .loop import LONGEST_PASSED, Law
 from .texts import addition, difference, text
@@ -63,6 +65,7 @@ def law_texts(law: Law, rate: float) -> list[str]:
     texts = [
         f'#define LAW\n#define N_MODEL {law.space.size}\n#define STEP {1.0 / rate!r}\n',
         f'#define LONGEST {number(_LONGEST)}\n#define LONGEST_PASSED {number(LONGEST_PASSED)}\n',
+        f'#define BEYOND {number(BEYOND)}\n',
         numbers('GAIN', feedback.gain),
         numbers('REST_STATE', law.rest.state),
         numbers('REST_INPUT', law.rest.input),

@@ -203,7 +203,7 @@ def _law(scenario: Scenario, limits: Limits, idle: Array, motion: Motion | None)
         raise ValueError(
             'law: at rest no input moves some of the states: expected a motion to follow' + alone
         )
-    limits.refuse('the idle input', idle)
+    limits.check('the idle input', idle)
     model = scenario.model
     if motion is not None and motion.space != model.state:
         raise ValueError(

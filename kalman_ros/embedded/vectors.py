@@ -109,6 +109,7 @@ class Calls:
             return self._call('H', 0, reference, OUTCOMES[Outcome.NOT_FINITE])
         try:
             held = regulators.target(self._loop.scenario, law.equilibria, reference)
+            regulators.check_held(self._loop.scenario, held.input, law.limits)
         except ValueError:
             return self._call('H', 0, reference, _UNREACHABLE)
         self._regulator.hold(*held)

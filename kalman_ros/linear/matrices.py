@@ -72,7 +72,12 @@ def vector(
 def one_each(name: str, values: ArrayLike, size: int) -> Array:
     """Return ``size`` numbers; one is repeated, and infinite ones are allowed."""
     check_real(name, values)
-    array = np.asarray(values, dtype=float)
+    try:
+        array = np.asarray(values, dtype=float).ravel()
+    except (TypeError, ValueError, OverflowError):
+        raise ValueError(f'{name}: expected numbers, got {values!r}') from None
+    if np.isnan(array).any():
+        raise ValueError(f'{name}: expected numbers, got {array.tolist()}')
     if array.size not in (1, size):
         wanted = '1 number' if size == 1 else f'1 or {size} numbers'
         raise ValueError(f'{name}: expected {wanted}, got {array.size}')

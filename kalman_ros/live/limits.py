@@ -20,11 +20,12 @@ _LOWER, _UPPER = 'input_lower_limit', 'input_limit'
 def limits(adjustments: Adjustments) -> dict[str, Any]:
     """Return the limits for JSON; None for a limit that does not exist.
 
-    The result has the lowest and highest value of each ``input`` and ``state`` by name, and the
-    ``reason`` for which states have no limits, '' if they can have.
+    The result has the lowest and highest value of each ``input`` and ``state`` by name, the
+    inputs whose limits are ``alike``, one minus the other, and the ``reason`` for which states
+    have no limits, '' if they can have.
     """
     if not adjustments.driven:
-        return {'input': {}, 'state': {}, 'reason': 'the model has no input'}
+        return {'input': {}, 'alike': [], 'state': {}, 'reason': 'the model has no input'}
     law = str(adjustments.value('controller', 'law'))
     state: dict[str, list[float | None]] = {}
     reason = f'the law {law} keeps no limits of states, choose {" or ".join(WITHIN_LIMITS)}'
@@ -36,7 +37,8 @@ def limits(adjustments: Adjustments) -> dict[str, Any]:
     bounds = limits_of(len(names), {_LOWER: lower, _UPPER: upper})
     pairs = zip(names, bounds.lower.tolist(), bounds.upper.tolist())
     input = {name: _finite(pair) for name, *pair in pairs}
-    return {'input': input, 'state': state, 'reason': reason}
+    alike = [name for name, low in zip(names, lower) if low == -inf]
+    return {'input': input, 'alike': alike, 'state': state, 'reason': reason}
 
 
 def limited(
@@ -51,15 +53,14 @@ def limited(
     of, name
         ``'state'`` or ``'input'``, and the name of the coordinate.
     side
-        ``'low'`` or ``'high'``; the limits of an input move together while one is minus the
-        other.
+        ``'low'`` or ``'high'``; limits of an input that are alike move together.
     value
         New limit; None for no limit.
 
     Raises
     ------
     ValueError
-        If there is no such limit, or the limits of a state contain no value.
+        If there is no such limit, or the limits contain no value.
     """
     known = limits(adjustments)
     if of == 'input' and name in known['input']:
@@ -83,10 +84,12 @@ def _limited_input(
     """Return the parameters with another limit of an input."""
     names, lower, upper = _of_inputs(adjustments)
     index, before = names.index(name), lower.copy()
-    if lower[index] in (-inf, -upper[index]):
-        lower[index], upper[index] = -inf, inf if value is None else abs(value)
+    if lower[index] == -inf:
+        upper[index] = inf if value is None else abs(value)
     elif side == 'low':
-        lower[index] = -inf if value is None else value
+        if value is None:
+            raise ValueError(f'limit of {name}: expected a lowest value beside the highest one')
+        lower[index] = value
     else:
         upper[index] = inf if value is None else value
     _check(name, lower[index], upper[index])

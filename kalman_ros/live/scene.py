@@ -110,8 +110,9 @@ def force_scale(adjustments: Adjustments) -> float:
     except DesignError:
         return 1.0
     scale = abs(K @ model.state.subtract(start, model.equilibrium.state)).max()
-    known = [abs(side) for pair in limits(adjustments)['input'].values() for side in pair if side]
-    return float(f'{min(scale, *known, scale):.2g}') if scale > 0.0 else 1.0
+    pairs = limits(adjustments)['input'].values()
+    largest = [max(abs(side or 0.0) for side in pair) for pair in pairs if None not in pair]
+    return float(f'{min(scale, *filter(None, largest), scale):.2g}') if scale > 0.0 else 1.0
 
 
 def _space(space: Space) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from kalman_ros.programs.refusal import refuse
 from kalman_ros.scenario import Scenario, shipped
 from kalman_ros.scenario.demo_section import demo_section
 from kalman_ros.scenario.parameter_files import from_file, overrides
-from kalman_ros.scenario.regulator import limits
+from kalman_ros.scenario.regulator import actuators
 
 from .results import ready
 
@@ -84,7 +84,7 @@ def limits_of_inputs(path: Path, changes: dict[str, Any], built: Scenario) -> Li
     """Return the limits of a controller's inputs; None without an input."""
     if not built.model.input.size:
         return None
-    return limits(built, {**from_file(path, 'controller'), **changes})
+    return actuators(built, {**from_file(path, 'controller'), **changes})[0]
 
 
 def intervals(texts: Sequence[str]) -> dict[str, tuple[float, float]]:

@@ -51,7 +51,7 @@ class Tuning(NamedTuple):
 
     def limits(self, built: Scenario) -> Limits:
         """Return the limits of the actuators, which are parameters of the controller."""
-        return regulator.limits(built, self._values('controller'))
+        return regulator.actuators(built, self._values('controller'))[0]
 
 
 def tunings(options: argparse.Namespace, folder: Path) -> list[Tuning]:

@@ -317,7 +317,8 @@ def force(
             for side in known:
                 axis.axhline(side, color=TRUTH, lw=1.0, ls='--')
             if known:
-                between = ' and '.join(f'{side:g}' for side in known)
-                axis.set_title(f'limits {between} {unit}', loc='right', fontweight='normal')
+                both = ' and '.join(f'{side:g}' for side in known)
+                words = f'limit{"s" if len(known) > 1 else ""} {both} {unit}'
+                axis.set_title(words, loc='right', fontweight='normal')
         axes[0, 0].set_title('The input for each estimate')
     return axes

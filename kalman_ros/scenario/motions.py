@@ -27,6 +27,9 @@ _ACCURACY = 0.1
 _SHARE = 0.1
 #: Gains that differ by less, relative to the largest, are the same.
 _SAME = 1e-6
+#: By how much an input may be below its lower limit, relative to the largest of a motion: to brake
+#: to rest takes a little reverse, which is cut off where an actuator has none.
+_CUT = 0.1
 #: An input misses a rate by less than this, relative to its size.
 _MISSED = 1e-6
 #: By how much the search swerves from the straight way, in units of the states, where that fails.
@@ -222,18 +225,21 @@ def _check_inputs(scenario: Scenario, motion: Motion, limits: Limits | None) -> 
     """Raise ValueError if a motion needs inputs beyond their limits."""
     if limits is None:
         return
-    input = scenario.model.input
-    rate: Array = np.abs(np.diff(motion.inputs[:-1], axis=0)) / motion.dt
-    for what, values, limit, sign in (
-        ('input_limit', motion.inputs, limits.upper, 1.0),
-        ('input_lower_limit', motion.inputs, limits.lower, -1.0),
-        ('input_rate_limit', rate, limits.rate, 1.0),
+    input, u, alike = scenario.model.input, motion.inputs, limits.are_alike
+    rate: Array = np.abs(np.diff(u[:-1], axis=0)) / motion.dt
+    cut = _CUT * np.abs(u).max(axis=0)
+    for name, values, limit, beyond in (
+        ('input_limit', u, limits.upper, u - limits.upper),
+        ('input_limit', u, limits.lower, np.where(alike, limits.lower - u, -inf)),
+        ('input_lower_limit', u, limits.lower, np.where(alike, -inf, limits.lower - cut - u)),
+        ('input_rate_limit', rate, limits.rate, rate - limits.rate),
     ):
-        beyond = np.where(np.isfinite(limit), sign * (values - limit), -inf)
         if beyond.size and (beyond > 0.0).any():
             step, index = divmod(int(np.argmax(beyond)), input.size)
+            slower = 'a slower motion, or wider bends, need'
+            gentler = 'a smaller acceleration needs'
+            remedy = gentler if name == 'input_lower_limit' else slower
             raise ValueError(
                 f'it needs {input.names[index]} of {values[step, index]:.3g} at '
-                f'{step * motion.dt:.3g} s, beyond the {what} of {limit[index]:g}; a slower '
-                'motion, or wider bends, need less'
+                f'{step * motion.dt:.3g} s, beyond the {name} of {limit[index]:g}; {remedy} less'
             )

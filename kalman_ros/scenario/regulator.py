@@ -28,8 +28,11 @@ from kalman_ros.core import (
 )
 from kalman_ros.linear.structure import uncontrollable_modes, unstable
 
+from .idle import idle_input
 from .scenario import Scenario
 
+#: An input is beyond a limit by more than this share of it; less is rounding.
+BEYOND = 1e-6
 #: A mode that no input moves may not grow faster than this, in 1/s.
 _GROWTH = 1e-9
 
@@ -147,6 +150,18 @@ def target(scenario: Scenario, equilibria: FeedForward, state: Array) -> Operati
     return held
 
 
+def check_held(scenario: Scenario, input: Array, limits: Limits) -> None:
+    """Raise ValueError if the input (m,) that would hold a reference is beyond the limits."""
+    nearest = limits.within(input)
+    beyond = np.abs(input - nearest) - BEYOND * np.abs(nearest)
+    if (beyond > 0.0).any():
+        index, space = int(np.argmax(beyond)), scenario.model.input
+        raise ValueError(
+            f'reference: it takes {space.names[index]} of {input[index]:.3g} to hold it, and the '
+            f'limits are {limits.lower[index]:g} and {limits.upper[index]:g}'
+        )
+
+
 def is_moving(scenario: Scenario, state: Array, soon: Array) -> bool:
     """Return whether a reference that becomes ``soon`` (n,) in a step moves.
 
@@ -176,17 +191,23 @@ def moving_target(scenario: Scenario, state: Array, soon: Array) -> OperatingPoi
     return OperatingPoint(state, steady_input(model, state, rate).input)
 
 
-def limits(scenario: Scenario, values: Mapping[str, Any]) -> Limits:
-    """Return the limits of the actuators among parameters of the controller.
+def actuators(scenario: Scenario, values: Mapping[str, Any]) -> tuple[Limits, Array]:
+    """Return the limits of the actuators, and their idle input (m,), by the controller's values.
 
     Raises
     ------
     ValueError
-        As from `limits_of`, or if the input that holds the system at rest is beyond them.
+        As from `limits_of`, or if the idle input, or that which holds the system at rest, is
+        beyond them.
     """
-    found = limits_of(scenario.model.input.size, values)
-    found.refuse('the input at rest', scenario.model.equilibrium.input)
-    return found
+    model = scenario.model
+    found, idle = (
+        limits_of(model.input.size, values),
+        idle_input(model, values.get('idle_input', 'zero')),
+    )
+    found.check('the input at rest', model.equilibrium.input)
+    found.check('the idle input', idle, '; or choose idle_input: equilibrium')
+    return found, idle
 
 
 def price(scenario: Scenario) -> Cost:

@@ -26,12 +26,16 @@ Reference = Union[ArrayLike, Mapping[str, float], Callable[[float], Any], Motion
 
 @dataclass(frozen=True)
 class Law:
-    """Law of a controller: gains, limits and reference; a call returns the controller."""
+    """Law of a controller: gains, limits and reference; a call returns the controller.
+
+    The input begins at the ``idle`` one (m,), zero by default.
+    """
 
     scenario: Scenario
     feedback: Feedback
     limits: Limits
     reference: Reference
+    idle: Array | None = None
 
     def __call__(self) -> Answer:
         """Return the controller at its start."""
@@ -62,10 +66,12 @@ class Answer:
     def __init__(self, law: Law) -> None:
         self._scenario = scenario = law.scenario
         model = scenario.model
+        idle = np.zeros(model.input.size) if law.idle is None else law.idle
+        self._limits = law.limits
         self._regulator = Regulator(
-            model.state, law.feedback, model.equilibrium, limits=law.limits
+            model.state, law.feedback, model.equilibrium, limits=law.limits, start=idle
         )
-        self._limiter = Limiter(law.limits, np.zeros(model.input.size))
+        self._limiter = Limiter(law.limits, idle)
         self._predicts = law.feedback.prediction is not None
         self._reference: Any = law.reference
         self._last: int | None = None
@@ -156,7 +162,9 @@ class Answer:
         return regulators.tracking(self._scenario)
 
     def _target(self, state: Array) -> OperatingPoint:
-        return regulators.target(self._scenario, self._equilibria, state)
+        held = regulators.target(self._scenario, self._equilibria, state)
+        regulators.check_held(self._scenario, held.input, self._limits)
+        return held
 
     def _state(self, reference: Any) -> Array:
         space, rest = self._scenario.model.state, self._scenario.model.equilibrium.state

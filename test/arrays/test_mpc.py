@@ -6,6 +6,7 @@ import pytest
 from thorough import mostly_thorough
 
 import kalman_ros as kr
+from kalman_ros.core import OperatingPoint, Space
 
 pytestmark = pytest.mark.slow
 
@@ -112,6 +113,36 @@ def test_an_input_that_pushes_more_than_it_pulls_is_planned_so(tmp_path):
     assert {-0.1, 0.5} <= set(lines)
 
 
+class Hovering(kr.Model):
+    """A height, with a propeller that only pushes."""
+
+    state, input = Space(('z', 'v'), ('m', 'm/s')), Space(('thrust',), ('N',))
+    equilibrium = OperatingPoint(np.zeros(2), np.array([9.81]))
+
+    def derivative(self, x, u):
+        return np.stack((x[..., 1], u[..., 0] - 9.81), axis=-1)
+
+    def noise_density(self, x):
+        return np.diag([0.0, 1e-4])
+
+
+def test_the_first_input_follows_that_at_rest():
+    control = kr.mpc(Hovering(), [1, 0.1], 0.1, dt=0.05, input_limit=20, input_lower_limit=2,
+                     input_rate_limit=1.0)  # fmt: skip
+    np.testing.assert_allclose(control.step([5.0, 0.0]), 9.81 - 0.05)
+    with pytest.raises(ValueError, match=r'^input_limit: expected .* the input at rest \[9.81\]'):
+        kr.mpc(Hovering(), [1, 0.1], 0.1, dt=0.05, input_limit=5)
+
+
+@pytest.mark.parametrize('law', ['lqr', 'mpc'])
+def test_a_loop_begins_at_the_idle_input_of_its_file(law):
+    built = kr.make_scenario(Hovering(), ([[1.0, 0.0]], [[1e-4]]), rate=100.0, law=law,
+                             initial=(np.zeros(2), 1e-6 * np.eye(2)))  # fmt: skip
+    run = kr.simulate(built, seconds=1.0, seed=1, input_rate_limit=10.0)
+    assert abs(run.input[0, 0] - 9.81) <= 0.1 + 1e-9
+    assert np.abs(run.truth[:, 0]).max() < 0.1
+
+
 @pytest.mark.parametrize('mass', [1.0, 1e4, 1e7])
 def test_a_heavy_mass_keeps_its_hard_limit_as_a_light_one(mass):
     cost = np.diag([1.0, 0.1]) * mass**2
@@ -169,7 +200,7 @@ def test_a_model_is_held_at_its_equilibrium():
         ({'dt': 0.1, 'horizon': 0.04}, r'^horizon: expected 0\.1 to 200 s'),
         ({'dt': 0.1, 'moves': 0}, r'^moves: expected a whole number from 1 to 200'),
         ({'dt': 0.1, 'state_price': 0}, r'^state_price: expected positive'),
-        ({'dt': 0.1, 'state_price': np.nan}, r'^state_price: expected positive'),
+        ({'dt': 0.1, 'state_price': np.nan}, r'^state_price: expected numbers, got'),
         ({'dt': 0.1, 'input_limit': -1}, r'^input_limit: expected at least 0'),
     ],
 )

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kalman_ros.control.limiter import Limiter, limits_of
+from kalman_ros.control.limiter import LIMITS, Limiter, limits_of
 
 IDLE, INF = np.array([1.0, -2.0]), np.inf
 
@@ -57,3 +57,29 @@ def test_an_idle_input_beyond_the_limit_is_refused():
         ValueError, match=r'input_limit: expected limits that contain the idle input'
     ):
         limiter(magnitude=(1.0, 1.0))
+
+
+def test_an_input_may_have_another_limit_below_than_above():
+    limits = limits_of(3, {'input_limit': [20.0, 5.0, 3.0], 'input_lower_limit': [0, -INF, 1.0]})
+    np.testing.assert_array_equal(limits.lower, [0.0, -5.0, 1.0])
+    held = Limiter(limits, np.array([10.0, 0.0, 2.0]))
+    np.testing.assert_array_equal(held.toward(np.full(3, -9.0), 0.1), [0.0, -5.0, 1.0])
+    np.testing.assert_array_equal(held.toward(np.full(3, 99.0), 0.1), [20.0, 5.0, 3.0])
+    assert held.limited == 2
+    with pytest.raises(ValueError, match=r'^input_lower_limit: .* the idle input \[0.0, 0.0, 0'):
+        held.adopt(limits, np.zeros(3))
+    with pytest.raises(ValueError, match=r'^input_limit: .* the input at rest \[10.0, -6.0, 2.0'):
+        limits.check('the input at rest', np.array([10.0, -6.0, 2.0]))
+
+
+def test_a_lower_limit_above_the_upper_is_refused():
+    with pytest.raises(ValueError, match=r'input_lower_limit: expected at most the input_limit'):
+        limits_of(1, {'input_limit': 5.0, 'input_lower_limit': 5.1})
+    assert limits_of(1, {'input_limit': 5.0, 'input_lower_limit': 5.0}).upper == 5.0
+
+
+@pytest.mark.parametrize('name', LIMITS)
+@pytest.mark.parametrize('wrong', [np.nan, 'abc', {'a': 1}, None, [[1.0], [2.0, 3.0]]])
+def test_a_limit_that_is_no_number_is_named(name, wrong):
+    with pytest.raises(ValueError, match=f'^{name}: expected numbers'):
+        limits_of(1, {name: wrong})

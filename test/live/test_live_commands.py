@@ -159,11 +159,16 @@ def test_each_limit_of_an_input_with_two_is_dragged_alone():
         ('high', 9.0, {'input_limit': [9.0]}),
         ('low', -2.0, {'input_limit': [9.0], 'input_lower_limit': [-2.0]}),
         ('low', -9.0, {'input_limit': [9.0], 'input_lower_limit': [-9.0]}),
-        ('low', -5.0, {'input_limit': [5.0], 'input_lower_limit': [-inf]}),  # they were alike
+        ('low', -5.0, {'input_limit': [9.0], 'input_lower_limit': [-5.0]}),  # alike by chance
     ):
         command = {'do': 'limit', 'of': 'input', 'name': 'f', 'side': side, 'value': value, 'n': 1}
         assert page.send(json.dumps(command))['error'] == ''
         assert page.nodes.calls[-1] == ('set_parameters', changed, 'controller')
+    found = limits(page.adjustments)
+    assert (found['input'], found['alike']) == ({'f': [-5.0, 9.0]}, [])
+    assert limits(opened('cart_pole').adjustments)['alike'] == ['f']
+    empty = '{"do": "limit", "of": "input", "name": "f", "side": "low", "n": 1}'
+    assert 'limit of f: expected a lowest value' in page.send(empty)['error']
 
 
 def test_limits_of_states_need_a_law_that_predicts():

@@ -9,6 +9,7 @@ import pytest
 pytest.importorskip('rclpy')
 
 import kalman_ros as kr
+from kalman_ros.control.limiter import Limits, limits_of
 from kalman_ros.core import Model, OperatingPoint, Space
 from kalman_ros.nodes.controller.reference import ReferenceReader
 from kalman_ros.scenario.regulator import tracking
@@ -50,7 +51,7 @@ def reader():
     held, moved = [], []
     built = scenario(1.0)
     found = ReferenceReader(
-        node, built, lambda *at: held.append(at), moved.append, lambda: '', 0.5
+        node, built, lambda *at: held.append(at), moved.append, lambda: '', 0.5, Limits.none(1)
     )
     found.held, found.moved = held, moved
     return found
@@ -85,12 +86,27 @@ def test_a_velocity_moves_on(reader):
 
 def test_another_mass_hovers_with_another_thrust(reader):
     heavier = scenario(1.5)
-    reader.adopt(heavier, tracking(heavier))
+    reader.adopt(heavier, tracking(heavier), Limits.none(1))
     give(reader, 2.0, 0.0, 1.5 * GRAVITY)
     ((_, input),) = reader.held
     assert input == pytest.approx([1.5 * GRAVITY])
     with pytest.raises(ValueError, match='no input holds'):
         give(reader, 2.0, 0.0, GRAVITY)
+
+
+def test_a_set_point_that_takes_more_than_the_limits_is_refused(reader):
+    spring = kr.load('mass_spring_damper')
+    bounds = limits_of(1, {'input_limit': 2.0, 'input_lower_limit': -1.0})
+    reader.adopt(spring, tracking(spring), bounds)
+    stiffness = tracking(spring).equilibrium(np.array([1.0, 0.0]), np.zeros(2)).input[0]
+    for x in (2.0 / stiffness, -1.0 / stiffness):
+        reader._on_values(None, np.array([x, 0.0]), [0, 1])
+        with pytest.raises(ValueError, match=r'it takes f of .* and the limits are -1 and 2'):
+            reader._on_values(None, np.array([1.01 * x, 0.0]), [0, 1])
+        with pytest.raises(ValueError, match=r'reference: it takes f of'):
+            kr.simulate('mass_spring_damper', seconds=0.1, input_limit=2.0,
+                        input_lower_limit=-1.0, reference={'x': 1.01 * x})  # fmt: skip
+    assert len(reader.held) == 2
 
 
 @pytest.mark.parametrize('limited', [kr.simulate, kr.monte_carlo])

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from thorough import thorough
 
-from kalman_ros.control.limiter import Limits
+from kalman_ros.control.limiter import Limits, limits_of
 from kalman_ros.core import DesignError
 from kalman_ros.scenario import build
 from kalman_ros.scenario.motions import _swerving, motion_of, moving_point
 from kalman_ros.scenario.reference_motions import Beginning, _begun, along_path, in_time
-from kalman_ros.scenario.regulator import feedback, limits, steered
+from kalman_ros.scenario.regulator import feedback, steered
 
 pytestmark = pytest.mark.slow
 
@@ -110,6 +110,23 @@ def test_what_no_input_follows_is_refused_with_state_and_time():
         motion_of(scenario, jump)
 
 
+@pytest.mark.parametrize('side', [1.0, -1.0])
+def test_a_turn_to_either_side_names_the_limit_that_is_given(side):
+    reference = along_path(robot(), CORNER * [1.0, side, 1.0], 0.5, 0.5)
+    largest = limits_of(2, {'input_limit': [np.inf, 1.0]})
+    with pytest.raises(ValueError, match=rf'beyond the input_limit of {side:g}; a slower motion'):
+        motion_of(robot(), reference, largest)
+
+
+def test_a_robot_that_cannot_reverse_follows_a_path_and_brakes_gently():
+    forward = limits_of(2, {'input_limit': [1.5, 6.0], 'input_lower_limit': [0.0, -np.inf]})
+    motion = motion_of(robot(), along_path(robot(), CORNER, 0.5, 0.5), forward)
+    assert -0.05 < motion.inputs[:, 0].min() < 0.0
+    hasty = along_path(robot(), CORNER[:2], 0.2, 0.5)
+    with pytest.raises(ValueError, match=r'input_lower_limit of 0; a smaller acceleration needs'):
+        motion_of(robot(), hasty, forward)
+
+
 @pytest.mark.parametrize(('factor', 'refused'), [thorough(1.01, False), thorough(0.99, True)])
 def test_inputs_beyond_their_limits_are_refused_with_the_time(factor, refused):
     scenario = robot()
@@ -119,7 +136,6 @@ def test_inputs_beyond_their_limits_are_refused_with_the_time(factor, refused):
     none = np.full(2, np.inf)
     for given, name in (
         (Limits(-none, factor * inputs.max(axis=0), none), 'input_limit'),
-        (Limits(factor * inputs.min(axis=0), none, none), 'input_lower_limit'),
         (Limits(-none, none, factor * rate), 'input_rate_limit'),
     ):
         if refused:
@@ -245,7 +261,7 @@ def test_a_new_path_is_planned_from_where_the_robot_is_as_fast_as_it_is(path, lo
     first, second = reference.values[:2]
     np.testing.assert_allclose(first, begin.state[:2], atol=1e-9)
     np.testing.assert_allclose((second - first) * scenario.rate, begin.rate[:2], atol=0.01)
-    motion = motion_of(scenario, reference, limits(scenario, {'input_limit': [1.0, 3.0]}))
+    motion = motion_of(scenario, reference, limits_of(2, {'input_limit': [1.0, 3.0]}))
     np.testing.assert_allclose(motion.states[0], begin.state)
     assert np.abs(motion.inputs[0] - before)[0] < 0.25
     assert np.abs(motion.inputs[:, 0]).max() < 0.85

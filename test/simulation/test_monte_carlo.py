@@ -10,6 +10,7 @@ from thorough import mostly_thorough
 
 import kalman_ros as kr
 from kalman_ros.arrays.loop_setup import Given, loop_of
+from kalman_ros.control.limiter import LIMITS
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.regulator import price
 from kalman_ros.simulation.batch_loop import Loop
@@ -23,7 +24,8 @@ STEPS = 40
 
 
 def experiment_of(name, overrides=None, steps=STEPS, first=5, **given):
-    loop, law = loop_of(name, overrides, Given(**given), 0.0)
+    limits = {each: np.ravel(given.pop(each)) for each in LIMITS if each in given}
+    loop, law = loop_of(name, overrides, Given(**given, limits=limits), 0.0)
     weight = price(loop.believed).weight if law else None
     return Experiment(replace(loop, seconds=steps / loop.scenario.rate), weight, first)
 
@@ -59,7 +61,7 @@ def test_runs_together_are_runs_one_by_one(name):
     ('overrides', 'given'),
     [
         ({'position.gate': 0.9, 'velocity.gate': 0.8}, {}),
-        ({'law': 'lqi', 'tracked': ['x', 'y']}, {'reference': {'x': 1.0}, 'input_limit': 0.6}),
+        ({'law': 'lqi', 'tracked': ['x', 'y']}, {'reference': {'x': 0.25}, 'input_limit': 0.6}),
         ({'filter': 'ukf'}, {'input_rate_limit': 3.0}),
         ({'filter': 'luenberger'}, {'reference': lambda t: {'y': 1.0 if t > 0.3 else 0.0}}),
         ({'position.rate': 30.0, 'velocity.enabled': False}, {'input_limit': [0.3, 0.9]}),

@@ -54,6 +54,8 @@ def run(
         plant = subprocess.Popen(program, env=loop.environment)
         while plant.poll() is None:
             loop.spin()
+        if plant.returncode:
+            raise RuntimeError(f'the plant ended with {plant.returncode}')
         steps, received = round(seconds * loop.scenario.rate) + 1, -1
         while received < len(loop.trajectory().time) < steps:  # until nothing more arrives
             received = len(loop.trajectory().time)

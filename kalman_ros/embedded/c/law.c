@@ -117,6 +117,11 @@ NAME_outcome NAME_hold(loop_state *s, const real *reference)
     }
     if (!are_finite(u, M))
         return PREFIX_NOT_FINITE;
+    for (int j = 0; j < M; j++) {
+        const real nearest = fmin(fmax(u[j], LOWER[j]), UPPER[j]);
+        if (!(fabs(u[j] - nearest) <= BEYOND * fabs(nearest)))
+            return PREFIX_UNREACHABLE;
+    }
     for (int i = 0; i < N_MODEL; i++)
         s->state[i] = REST_STATE[i] + x[i];
     memcpy(s->held, u, sizeof u);

@@ -84,6 +84,7 @@ export function addressedCommands() {
     const now = page.limits[of][name] ?? [null, null];
     // the low one is never above the high one, neither on the way
     const sides = pair[0] !== null && now[1] !== null && pair[0] >= now[1] ? ['high', 'low'] : ['low', 'high'];
+    if (areAlike(of, name) && pair[0] !== null && pair[0] !== -pair[1]) continue;
     for (const side of areAlike(of, name) ? ['high'] : sides) {
       const k = side === 'low' ? 0 : 1;
       if (now[k] !== pair[k]) commands.push({ do: 'limit', of, name, side, ...bound(pair[k]) });

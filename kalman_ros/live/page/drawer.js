@@ -160,7 +160,7 @@ function buildLimits(place) {
     const row = element('div', { className: 'limits', title: reason }, element('span', { textContent: `${of === 'input' ? 'input ' : ''}${name} [${unit}]` }));
     const alike = areAlike(of, name);
     for (const side of alike ? ['high'] : ['low', 'high']) {
-      const field = element('input', { type: 'number', step: 'any', disabled: Boolean(reason), placeholder: 'no limit', title: reason || 'empty: no limit' });
+      const field = element('input', { type: 'number', step: 'any', disabled: Boolean(reason), placeholder: 'no limit', title: reason || (of === 'input' && side === 'low' ? '' : 'empty: no limit') });
       field.setAttribute('aria-label', alike ? `largest magnitude of ${name}` : `${side === 'low' ? 'lowest' : 'highest'} ${name}`);
       field.addEventListener('change', () => setLimit({ of, name, side }, field.value === '' ? null : Number(field.value)));
       row.append(element('span', { className: 'role', textContent: alike ? '±' : side === 'low' ? 'lowest' : 'highest' }), field);

@@ -21,10 +21,7 @@ export function limitOf(of, name, side) {
 }
 
 // whether the limits of an input move together, one minus the other
-export function areAlike(of, name) {
-  const [low, high] = page.limits[of][name] ?? [null, null];
-  return of === 'input' && (low === null ? high === null : low === -high);
-}
+export const areAlike = (of, name) => of === 'input' && page.limits.alike.includes(name);
 
 export const hasLimits = (of, name) => name in page.limits[of];
 

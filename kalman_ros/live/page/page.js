@@ -9,7 +9,7 @@ export const page = {
   chosen: {},    // filter and law
   places: {},    // of sensors on the map
   placed: {},    // poles of the regulator and the estimator, where they are placed
-  limits: { input: {}, state: {}, reason: '' },
+  limits: { input: {}, alike: [], state: {}, reason: '' },
   theory: {},
   status: {},
   path: { points: [], state: '' },

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from functools import partial
 from math import inf
 from time import monotonic
@@ -17,7 +18,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from kalman_ros.codecs.layout import Sample
 from kalman_ros.control.feedback import Regulator
-from kalman_ros.control.limiter import LIMITS, Limiter, Limits
+from kalman_ros.control.limiter import Limiter
 from kalman_ros.control.motion import Motion
 from kalman_ros.control.predictive import Prediction
 from kalman_ros.core import Array, Value, is_finite
@@ -30,8 +31,7 @@ from kalman_ros.pipeline.input_messages import InputEncoder
 from kalman_ros.pipeline.throttle import Throttle
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.body_roles import body_of
-from kalman_ros.scenario.idle import idle_input
-from kalman_ros.scenario.regulator import feedback, limits, tracking
+from kalman_ros.scenario.regulator import actuators, feedback, tracking
 
 from .feed import EstimateFeed
 from .guard import EstimateGuard, guard_limits
@@ -62,7 +62,7 @@ class ControllerNode(runtime.ScenarioNode):
         super().configure()
         scenario, options = self.scenario, self.options
         model, blend = scenario.model, options.transition_time
-        bounds, idle = _limited(scenario, options)
+        bounds, idle = actuators(scenario, asdict(options))
         budget = options.solve_timeout or inf
         self._regulator = Regulator(
             model.state,
@@ -71,6 +71,7 @@ class ControllerNode(runtime.ScenarioNode):
             blend,
             bounds,
             inf if options.lockstep else budget,
+            idle,
         )
         self._guard = EstimateGuard(model.state, *guard_limits(scenario, options))
         limiter = self._limiter = Limiter(bounds, idle)
@@ -90,7 +91,7 @@ class ControllerNode(runtime.ScenarioNode):
         self.at_the_end(self._output.deliver)
         frame = partial(self._feed.frame, options.frame)
         self._reference = ReferenceReader(
-            self, scenario, self._hold, self._move, frame, options.reference_timeout
+            self, scenario, self._hold, self._move, frame, options.reference_timeout, bounds
         )
         #: Steps without a plan within the limits of the states, as last reported.
         self._impossible, self._warn = 0, Throttle(self.get_logger().warning)
@@ -360,9 +361,8 @@ class ControllerNode(runtime.ScenarioNode):
         self, scenario: Scenario, options: ControllerOptions, extra: Mapping[str, Value]
     ) -> Callable[[], None]:
         """Redesign the gains for other weights, poles, limits or another model."""
-        bounds, idle = _limited(scenario, options)
+        bounds, idle = actuators(scenario, asdict(options))
         accepted = guard_limits(scenario, options)
-        bounds.refuse('the idle input', idle)
         motion, changed = self._regulator.motion, scenario is not self.scenario
         found, equilibria = self._regulator.feedback, self._reference.equilibria
         if changed:  # else the design, which takes tens of milliseconds
@@ -375,7 +375,7 @@ class ControllerNode(runtime.ScenarioNode):
             self._name_outside(before, found.prediction)
             self._limiter.adopt(bounds, idle)
             self._guard.adopt(*accepted)
-            self._reference.adopt(scenario, equilibria)
+            self._reference.adopt(scenario, equilibria, bounds)
             self._motions.adopt(scenario, options, bounds)
             if motion is not None and changed:
                 self._motions.regain(motion, scenario)
@@ -454,12 +454,6 @@ class ControllerNode(runtime.ScenarioNode):
             length = float(np.linalg.norm(np.diff(ahead, axis=0), axis=1).sum())
             found['remaining distance [m]'] = f'{length:.3f}'
         return found
-
-
-def _limited(scenario: Scenario, options: ControllerOptions) -> tuple[Limits, Array]:
-    """Return the limits and the idle input (m,) for a `Limiter`."""
-    found = limits(scenario, {name: getattr(options, name) for name in LIMITS})
-    return found, idle_input(scenario.model, options.idle_input)
 
 
 def main() -> None:

@@ -36,14 +36,16 @@ class ControllerOptions(NodeOptions):
     input_limit: Annotated[
         Sequence[float],
         About(
-            'largest magnitude of each input, or beside a lower limit its largest value',
+            'largest magnitude of each input, beside a lower limit its largest value; one for all',
             minimum=0.0,
             live=True,
         ),
     ] = (inf,)
     input_lower_limit: Annotated[
         Sequence[float],
-        About('smallest value of each input; -.inf: minus its input_limit', live=True),
+        About(
+            'smallest value of each input, one for all; -.inf: minus its input_limit', live=True
+        ),
     ] = (-inf,)
     input_rate_limit: Annotated[
         Sequence[float],

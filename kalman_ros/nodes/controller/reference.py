@@ -10,6 +10,7 @@ import numpy as np
 from kalman_ros.codecs.messages import leading_frame
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireReader
+from kalman_ros.control.limiter import Limits
 from kalman_ros.control.motion import Motion
 from kalman_ros.control.tracking import FeedForward
 from kalman_ros.core import Array, Signal
@@ -18,7 +19,7 @@ from kalman_ros.nodes.middleware.topics import QUEUE, on_topic
 from kalman_ros.pipeline.throttle import Throttle
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.motions import moving_point
-from kalman_ros.scenario.regulator import steered, target, tracking
+from kalman_ros.scenario.regulator import check_held, steered, target, tracking
 
 _POSE = 'pose.pose.'
 
@@ -44,6 +45,8 @@ class ReferenceReader:
         Returns the frame of the estimate, '' if unknown.
     timeout
         Seconds for which a reference moves on.
+    limits
+        Limits of the input.
     """
 
     def __init__(
@@ -54,6 +57,7 @@ class ReferenceReader:
         move: Callable[[Motion], None],
         frame: Callable[[], str],
         timeout: float,
+        limits: Limits,
     ) -> None:
         self._frame = frame
         self._warn = Throttle(node.get_logger().warning)
@@ -62,12 +66,12 @@ class ReferenceReader:
         self._last: tuple[int, Array] | None = None
         #: Number of references that were refused.
         self.refused = 0
-        self.adopt(scenario, tracking(scenario))
+        self.adopt(scenario, tracking(scenario), limits)
         self._space = scenario.model.state
 
-    def adopt(self, scenario: Scenario, equilibria: FeedForward) -> None:
-        """Use the equilibria of another scenario from now on."""
-        self._scenario, self.equilibria = scenario, equilibria
+    def adopt(self, scenario: Scenario, equilibria: FeedForward, limits: Limits) -> None:
+        """Use the equilibria of another scenario, and other limits, from now on."""
+        self._scenario, self.equilibria, self._limits = scenario, equilibria, limits
         self._steered = steered(scenario)
 
     def listen(self) -> None:
@@ -124,6 +128,7 @@ class ReferenceReader:
                 'at rest no input moves all states of this model: publish a path, or a reference '
                 'that moves'
             )
+        check_held(self._scenario, held.input, self._limits)
         self._hold(*held)
 
     def _moving(self, before: tuple[int, Array] | None, state: Array, error: ValueError) -> Motion:

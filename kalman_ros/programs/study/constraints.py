@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.analysis.checks import Check
+from kalman_ros.control.limiter import limits_of
 from kalman_ros.scenario import build
-from kalman_ros.scenario.regulator import feedback, limits
+from kalman_ros.scenario.regulator import feedback
 from kalman_ros.simulation import closed_loop
 from kalman_ros.simulation.loop_law import Law
 from kalman_ros.simulation.trajectory import Trajectory
@@ -93,7 +94,8 @@ def _many(runs: int) -> list[Check]:
     falls, worst = {}, 0.0
     for name, options in LAWS.items():
         scenario = build({**SYSTEM, **options})
-        law = Law(scenario, feedback(scenario), limits(scenario, {'input_limit': FORCE}), None)
+        bounds = limits_of(scenario.model.input.size, {'input_limit': FORCE})
+        law = Law(scenario, feedback(scenario), bounds, None)
         states = [
             closed_loop.run(scenario, None, SECONDS, seed, answer=law()).truth
             for seed in range(runs)

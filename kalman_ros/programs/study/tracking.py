@@ -21,13 +21,14 @@ import numpy as np
 
 from kalman_ros.analysis.checks import Check
 from kalman_ros.analysis.cross_track import cross_track
+from kalman_ros.control.limiter import Limits
 from kalman_ros.control.motion import Motion
 from kalman_ros.core import Array
 from kalman_ros.harness.followed_path import publish_path
 from kalman_ros.scenario import build
 from kalman_ros.scenario.motions import motion_of, with_law
 from kalman_ros.scenario.reference_motions import along_path
-from kalman_ros.scenario.regulator import feedback, limits
+from kalman_ros.scenario.regulator import feedback
 from kalman_ros.simulation import closed_loop
 from kalman_ros.simulation.loop_law import Law
 from kalman_ros.simulation.trajectory import Trajectory
@@ -108,7 +109,8 @@ def _follow(points: Array) -> Followed:
         publish_path(run, points)
         run.advance(seconds)
         followed = run.trajectory()
-    law = Law(scenario, feedback(scenario), limits(scenario, {}), with_law(scenario, motion))
+    none = Limits.none(scenario.model.input.size)
+    law = Law(scenario, feedback(scenario), none, with_law(scenario, motion))
     lqr, pursuit = (
         [closed_loop.run(scenario, None, seconds, seed, answer=start()) for seed in range(RUNS)]
         for start in _laws(law, motion)

@@ -181,5 +181,5 @@ class Grid:
 
 
 def _law(believed: Scenario, values: Mapping[str, Any]) -> Law:
-    limits = regulators.limits(believed, values)
-    return Law(believed, regulators.feedback(believed), limits, None)
+    limits, idle = regulators.actuators(believed, values)
+    return Law(believed, regulators.feedback(believed), limits, None, idle)

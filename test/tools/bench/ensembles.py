@@ -12,6 +12,7 @@ import numpy as np
 from filterpy.kalman import KalmanFilter
 
 from kalman_ros import scenario
+from kalman_ros.control.limiter import Limits
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario import regulator as regulators
 from kalman_ros.simulation.batch_loop import Loop
@@ -56,7 +57,7 @@ def benchmarks() -> Iterator[list[Benchmark]]:
 
 
 def _experiment(built: Scenario) -> Experiment:
-    law = Law(built, regulators.feedback(built), regulators.limits(built, {}), None)
+    law = Law(built, regulators.feedback(built), Limits.none(built.model.input.size), None)
     loop = Loop(built, built, (_STEPS - 1) / built.rate, law)
     return Experiment(loop, regulators.price(built).weight, 0)
 

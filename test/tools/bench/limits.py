@@ -13,10 +13,11 @@ import numpy as np
 
 import kalman_ros as kr
 from kalman_ros.control.feedback import Regulator
+from kalman_ros.control.limiter import limits_of
 from kalman_ros.core import Array
 from kalman_ros.harness import Run
 from kalman_ros.scenario import build
-from kalman_ros.scenario.regulator import feedback, limits
+from kalman_ros.scenario.regulator import feedback
 
 from .benchmark import Benchmark
 
@@ -112,7 +113,7 @@ def _times(*, predicts: bool) -> Array:
         law = replace(law, prediction=None)
     rng, times = np.random.default_rng(0), []
     for _ in range(_RUNS):
-        bounds = limits(scenario, {'input_limit': _FORCE})
+        bounds = limits_of(model.input.size, {'input_limit': _FORCE})
         regulator = Regulator(model.state, law, model.equilibrium, limits=bounds)
         x, acted = np.array([rng.uniform(-0.8, 0.8), 0.0, 0.0, 0.0]), _count(regulator)
         for _ in range(_STEPS):
