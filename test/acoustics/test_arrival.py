@@ -107,6 +107,7 @@ def srp_phat(frame, bearings):
     return bearings[response.sum(axis=0).argmax()]
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize('decibel', mostly_thorough([10.0, -8.0], -8.0))
 def test_it_beats_a_steered_response(decibel):
@@ -197,6 +198,7 @@ def test_loudness_does_not_matter_but_silence_does():
     assert not FINDER(np.full_like(frame, np.nan)).evidence > LEAST_EVIDENCE
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_an_array_of_any_shape_will_do():
     array = MicrophoneArray([0.0, 0.0, 0.15, 0.02, -0.03, 0.12, 0.1, -0.1])

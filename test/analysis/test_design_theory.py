@@ -225,6 +225,7 @@ def test_the_margins_of_the_cart_pole_are_where_its_real_loop_ends():
     np.testing.assert_allclose(np.degrees(at.guarantee.phase), 52.0, atol=0.1)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize('share', mostly_thorough([2, 5], 5))
 def test_lqg_margins_of_a_slow_sensor_are_close_to_those_of_the_real_loop(share):
@@ -302,6 +303,7 @@ def test_a_bearing_alone_tells_no_state_and_the_design_says_so():
     assert any('do not determine x, y, v_x, v_y along' in w for w in warnings(found, 0.01))
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_an_error_that_goes_up_and_down_with_the_path_does_not_grow():
     config = Path(__file__).parents[2] / 'config/lidar_radar.yaml'

@@ -76,6 +76,7 @@ def test_it_is_found_on_a_cart(cart, change, kind):
     assert first(edited(cart, 'joint_states', change)) == (kind, 'joint_states.x')
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_disturbance_has_its_time_and_size(spring):
     finding = diagnose(edited(spring, 'position', shifted)).findings[0]

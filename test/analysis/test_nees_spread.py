@@ -38,6 +38,7 @@ def test_of_a_linear_loop_the_spread_is_that_of_many_runs():
     assert expected > 2.0 * 2.0 / (2 * 400)  # more than that of independent errors
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ('scale', 'passes'), [thorough(1.0, True), thorough(0.2, False), (8.0, False)]

@@ -45,6 +45,8 @@ def acts(scenario: Scenario, limits: Limits, start: Array) -> bool:
         ):
             return True
         q, x, before = regulator.A @ q + regulator.B @ x, step.F @ x + step.G @ u, u
+        if max(np.abs(x).max(), np.abs(q).max(initial=0.0), np.abs(u).max()) < 1e-6:
+            break  # it comes to rest
     return False
 
 

@@ -238,6 +238,7 @@ def test_in_discrete_time_an_input_may_be_free():
         kr.dlqr([[1.0, 1.0], [0.0, 1.0]], [[0.0], [1.0]], [1.0, 0.0], 0)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize('dt', mostly_thorough([None, 0.1], 0.1))
 def test_a_gain_draws_its_loops(dt, tmp_path):

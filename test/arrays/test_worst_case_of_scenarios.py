@@ -180,7 +180,7 @@ def test_an_unstable_loop_in_the_box_is_no_stable_box() -> None:
     'intervals',
     [
         thorough({'damping': (0.0, 1e6)}),
-        {'damping': (0.0, 100.0)},
+        thorough({'damping': (0.0, 100.0)}),
         thorough({'mass': (0.01, 100.0)}),
         thorough({'mass': (1e-9, 1e9)}),
     ],

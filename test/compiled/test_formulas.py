@@ -144,7 +144,7 @@ def test_the_noise_alone_is_that_of_the_whole_step(name):
 
 
 @C
-@pytest.mark.parametrize('name', NONLINEAR)
+@pytest.mark.parametrize('name', mostly_thorough(NONLINEAR, *FEW, 'robot_3d'))
 def test_several_steps_at_once_are_those_one_by_one(name):
     model = believed(name).model
     if isinstance(model, LinearSystem):

@@ -65,6 +65,7 @@ def test_a_topic_with_an_imu_is_found_and_its_noise_printed(bag, tmp_path, capsy
     assert (out / 'imu_data.png').stat().st_size > 10_000
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_noise_that_is_not_determined_has_no_line(tmp_path, capsys):
     message = Imu()

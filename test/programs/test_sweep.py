@@ -98,6 +98,7 @@ def test_cost_and_errors_beside_theory(tmp_path, capsys):
     assert (tmp_path / 'sweep.png').stat().st_size > 10_000
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_averages_begin_after_a_time(tmp_path):
     typed = '--over', 'input_cost=1..2:lin:2', *FEW
@@ -180,6 +181,7 @@ def test_every_state_is_in_a_table_of_eighty_columns():
     assert text.count('0.125') == text.count('[m/s]') == 15
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_workers_change_nothing(tmp_path):
     arguments = '--over', 'input_cost=0.1..10:log:3', *FEW

@@ -126,6 +126,7 @@ def test_a_fit_that_determines_nothing_fails_and_pastes_nothing(recording, tmp_p
     assert not (tmp_path / 'fitted.yaml').read_text()
 
 
+@pytest.mark.thorough
 def test_a_prior_that_is_sure_holds_a_parameter(recording, tmp_path):
     bag, file = recording
     given = '--fit', 'mass', 'position.noise', '--prior', 'mass=1.4+-0.0001', '--out', tmp_path

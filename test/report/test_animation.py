@@ -106,6 +106,7 @@ def test_an_arrow_keeps_its_colour(tmp_path):
     assert np.sum(np.abs(colours - wanted).max(axis=1) < 3) > 50
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_large_animation_has_fewer_frames_that_last_longer(tmp_path, monkeypatch):
     kind, show = moments('level', 0.5, 8)

@@ -68,6 +68,7 @@ def test_the_gain_is_that_of_the_filter(loop, tmp_path):
     np.testing.assert_allclose(K[k], P[1, 1] / (P[1, 1] + R[0, 0]))
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_gain_uses_the_covariance_in_the_message(loop, tmp_path):
     built = scenario.build({'model': 'mass_spring_damper', 'velocity.covariance_from': 'message'})
@@ -84,6 +85,7 @@ def test_a_gain_uses_the_covariance_in_the_message(loop, tmp_path):
     np.testing.assert_allclose(quarter, K / 4.0)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_filter_without_such_a_gain_has_none_drawn(ship, tmp_path):
     built, run = ship

@@ -44,6 +44,7 @@ def test_no_band_at_best_is_outside_of_that_of_a_filter_that_is_as_good_as_it_sa
     np.testing.assert_allclose(drawn_at_best(built, run, tmp_path), np.minimum(bound, std))
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_filter_that_claims_too_much_does_not_move_the_band_at_best(tracked, tmp_path):
     built, run = tracked
