@@ -202,6 +202,7 @@ def brute_force(share=1):
     return Brute(share)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_margins_of_the_cart_pole_are_where_its_real_loop_ends():
     brute, found = brute_force(), cart_pole()

@@ -83,6 +83,7 @@ def test_nothing_is_found_in_a_clean_recording(seed):
     assert found_in(None, seconds=8.0, seed=seed) == ()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     'scenario', mostly_thorough(['diff_drive', 'mass_spring_damper_2d'], 'mass_spring_damper_2d')
 )
@@ -123,6 +124,7 @@ def test_the_proof_is_a_replay_with_the_change():
     assert first.change['position.noise'][0] == pytest.approx(0.25, rel=0.2)
 
 
+@pytest.mark.thorough
 def test_shares_add_up():
     findings = found_in(FAULTS['outliers'] + FAULTS['sign'])
     assert sum(finding.share for finding in findings) == pytest.approx(1.0)
@@ -157,6 +159,7 @@ def test_a_sensor_without_readings():
     assert ('no readings', 'velocity') in [(f.kind, f.subject) for f in findings]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('sensor', ['position', 'velocity'])
 def test_a_sensor_of_which_nothing_is_a_number_comes_first(sensor):
     """Before what its absence, or another fault, makes of the other one."""

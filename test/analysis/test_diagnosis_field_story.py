@@ -61,6 +61,7 @@ def test_an_orientation_covariance_that_was_left_at_zero():
     assert note.change == {'imu.covariance_from': 'configuration'}
 
 
+@pytest.mark.thorough
 def test_a_gate_that_rejected_a_third_of_good_fixes():
     """Its bound did not know the noise of the receiver: 157 of 500 fixes were rejected."""
     tight = Injection(

@@ -38,6 +38,7 @@ def test_what_acts_as_commanded_has_its_axes(plane, space):
     assert not input_axes.find(Examination(space))
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_two_inputs_that_are_exchanged(plane):
     finding, *_ = diagnose(input_axes.mixed(plane, np.eye(2)[::-1])).findings
@@ -80,6 +81,7 @@ def test_the_rotation_of_an_instrument_is_the_likeliest_one(space, angle):
     np.testing.assert_allclose(found, M[:3, :3], atol=1e-5)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_lost_filter_finds_the_rotation_by_its_passes(space):
     turn = np.array([0.0, 0.0, 0.5 * np.pi])

@@ -29,6 +29,7 @@ def within(found, truth, deviations=3.0):
         assert std < 0.3 * abs(value)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_house_has_its_resistances_and_capacities(example, tmp_path, capsys, monkeypatch):
     house = example('house')

@@ -190,6 +190,7 @@ def runs(model, sensor, prior, count, steps, dt, filter):
         yield np.array(truth), found, kr.smooth(found)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize('filter', mostly_thorough(['kf', 'ekf', 'ukf'], 'ukf'))
 def test_it_is_never_worse_than_the_filter_and_consistent(filter):

@@ -80,6 +80,7 @@ def test_the_first_belief_is_not_the_truth():
     assert built.filter == 'gaussian_sum'
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize('seed', mostly_thorough(range(3), 0))
 def test_a_first_belief_in_quite_another_direction_does_no_harm(seed):

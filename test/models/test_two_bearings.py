@@ -54,6 +54,7 @@ def test_two_bearings_cross_at_the_target():
     np.testing.assert_allclose(np.array([-20.0, 0.0]) + near * lines[0], x[:2])
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_tracks_are_as_good_as_they_can_be():
     both = built()

@@ -3,6 +3,7 @@
 import importlib
 import json
 
+import numpy as np
 import pytest
 from rich.console import Console
 
@@ -78,6 +79,20 @@ def test_a_parameter_is_changed_for_once(tmp_path, capsys):
     assert run(*arguments, '-p', 'position.noise:=[-1.0]') == 2
     assert run(*arguments, '-p', 'position') == 2
     assert "expected NAME:=VALUE, got 'position'" in capsys.readouterr().err
+
+
+def test_a_part_is_diagnosed_alone(tmp_path, capsys):
+    half = Injection(
+        edits={
+            'velocity': values_of(lambda y: np.concatenate((y[: len(y) // 2], -y[len(y) // 2 :])))
+        }
+    )
+    write_bag(tmp_path / 'bag', SCENARIO, half, 20.0, 3)
+    arguments = tmp_path / 'bag', '--params-file', SCENARIO, '--out', tmp_path / 'out'
+    assert run(*arguments, '--to', '9.9') == 0
+    assert run(*arguments, '--from', '10.1') == 1
+    assert 'first sign of velocity.v' in capsys.readouterr().out.splitlines()[-1]
+    assert run(*arguments, '--from', '5', '--to', '4') == 2
 
 
 def test_the_checks_are_those_of_a_replay(tmp_path):

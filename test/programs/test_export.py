@@ -57,6 +57,7 @@ def test_limits_idle_input_and_options_of_the_file_are_carried(tmp_path):
         assert expected in text
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_path_of_a_file_becomes_a_table(tmp_path):
     source = Path(__file__).parents[2] / 'docs' / 'examples' / 'robot_on_a_path.yaml'

@@ -189,6 +189,7 @@ def test_workers_change_nothing(tmp_path):
     assert alone == swept(tmp_path / 'two', *arguments, '--workers', '2')
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ('end', 'code', 'says'),

@@ -99,6 +99,7 @@ def test_without_workers_the_error_is_one_line(address, tmp_path, monkeypatch, c
     )
 
 
+@pytest.mark.thorough
 def test_a_worker_without_this_package_is_named(address, tmp_path, capsys):
     # a module of this name that is no package hides the installed one
     (tmp_path / 'kalman_ros.py').write_text('')

@@ -20,6 +20,7 @@ from kalman_ros.bags.recording_writer import RecordingWriter
 from kalman_ros.codecs.messages import full_type
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.programs.tune import program, tables
+from kalman_ros.programs.tune.recorded_likelihood import load
 from kalman_ros.scenario import build
 from kalman_ros.scenario.parameter_files import from_file
 
@@ -89,6 +90,17 @@ def test_a_bag_is_fitted_judged_and_drawn(recording, tmp_path, capsys):
     assert found['margins'][0]['plants'] > 10
     assert {path.name for path in tmp_path.glob('*.png')} == {'profiles.png', 'nis.png'}
     assert all(len(line) <= 80 for line in out.splitlines() if 'In /' not in line)
+
+
+def test_a_part_is_fitted_alone(recording, tmp_path, capsys):
+    bag, file = recording
+    given = bag, file, {}, ['mass'], {}, {}, 0.0
+    whole, half = (load(*given, part).likelihood for part in ((0.0, np.inf), (2.0, 10.0)))
+    assert half.observations.count == pytest.approx(0.5 * whole.observations.count, abs=2)
+    arguments = bag, '--params-file', file, '--fit', 'mass', 'position.noise', '--out', tmp_path
+    assert run(*arguments, '--from', 2, '--to', 10) == 0
+    assert 'PASS, 2 of 2 parameters determined' in capsys.readouterr().out
+    assert run(*arguments, '--from', 10, '--to', 2) == 2
 
 
 @pytest.mark.parametrize(('arguments', 'words'), [
@@ -190,6 +202,7 @@ def test_an_interruption_after_the_fit_keeps_it(recording, tmp_path, capsys, mon
     assert fitted['model_parameters.mass'] == pytest.approx(1.0, rel=0.05)
 
 
+@pytest.mark.thorough
 def test_a_fit_that_does_not_converge_keeps_what_it_reached(
     recording, tmp_path, capsys, monkeypatch
 ):

@@ -43,6 +43,7 @@ def grown(built, P):
     return step.F @ P @ step.F.T + step.Q
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_start_shows_the_prediction_and_the_update_of_each_step(loop, tmp_path):
     built, run = loop
@@ -147,6 +148,7 @@ def test_an_error_that_outgrows_its_band_stays_in_the_panel(loop, tmp_path):
     assert low < -7.0 < 7.0 < high
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_unit_of_time_is_that_of_the_caption(loop, tmp_path):
     built, run = loop
@@ -180,6 +182,7 @@ def test_a_state_that_is_not_relative_has_no_observer(loop):
     assert observer(plain, loop[1]) is None
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_last_of_an_odd_number_of_states_has_its_row_alone(tmp_path):
     built = scenario.build({'model': 'diff_drive'})

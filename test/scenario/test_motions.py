@@ -269,6 +269,7 @@ def test_a_new_path_is_planned_from_where_the_robot_is_as_fast_as_it_is(path, lo
     np.testing.assert_allclose(motion.states[-1, :2], path[-1], atol=1e-6)
 
 
+@pytest.mark.thorough
 def test_a_path_that_is_planned_again_while_it_speeds_up_or_brakes_needs_no_other_input():
     scenario, motion, _, _ = cruising()
     path = np.array([[0.0, 0.0, 0.0], [5.0, 0.0, 0.0]])

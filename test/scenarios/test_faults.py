@@ -185,6 +185,7 @@ def command(*arguments):
     return code, out + err
 
 
+@pytest.mark.thorough
 def test_the_command_prints_a_table_and_writes_its_results(tmp_path):
     code, printed = command(
         '--filters', 'kf', '--only', 'dropout 0', '--short', '--out', str(tmp_path)

@@ -290,6 +290,7 @@ def test_every_node_has_help(environment, name):
     assert max(map(len, help)) <= 80
 
 
+@pytest.mark.thorough
 def test_a_node_that_does_not_start_by_itself_has_help(environment):
     arguments = ['--help', '--ros-args', '-p', 'autostart:=false', '-p', 'window:=2.0']
     code, output = finish(start(environment, 'estimator', *arguments))
@@ -307,6 +308,7 @@ def test_the_help_of_the_estimator_is_about_the_estimator(environment):
         assert own in output
 
 
+@pytest.mark.thorough
 def test_help_explains_a_feature_that_is_used_and_only_names_another(environment):
     unused = 'Not used, all at their defaults (docs/reference/parameters.md):\n'
     _, output = finish(start(environment, 'estimator', '--help'))

@@ -12,6 +12,7 @@ from kalman_ros.estimators import FILTERS, online
 SEEDS = range(100_000, 100_080)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize('seed', mostly_thorough(SEEDS, *SEEDS[:2]))
 def test_hostile_input_breaks_no_promise(seed):

@@ -20,7 +20,10 @@ from kalman_ros.scenario.parameter_files import from_file
 
 
 def load(
-    bag: str | Path, params: str | Path | None, changes: Mapping[str, Any] | None = None
+    bag: str | Path,
+    params: str | Path | None,
+    changes: Mapping[str, Any] | None = None,
+    part: tuple[float, float] = (0.0, inf),
 ) -> Evidence:
     """Replay a bag through the estimator of a parameter file, and return the evidence.
 
@@ -32,6 +35,8 @@ def load(
         A parameter file, or the name of a scenario; None for the default one.
     changes
         Parameters over those of the file.
+    part
+        Start and end of the part that is replayed, in seconds of the recording.
 
     Raises
     ------
@@ -39,7 +44,7 @@ def load(
         If the bag cannot be replayed.
     """
     values = from_file(shipped.file(params or models.DEFAULT), 'estimator')
-    return replayed(Bag(bag), {'model': models.DEFAULT, **values, **(changes or {})})
+    return replayed(Bag(bag), {'model': models.DEFAULT, **values, **(changes or {})}, part)
 
 
 def failed_checks(evidence: Evidence) -> list[Check]:
@@ -48,11 +53,17 @@ def failed_checks(evidence: Evidence) -> list[Check]:
     return [check for check in checks(found, None) if not check.passed]
 
 
-def replayed(bag: Bag, parameters: Mapping[str, Any], seconds: float = inf) -> Evidence:
-    """Return the evidence of a bag, or of its first seconds, with the estimator's parameters."""
-    result = replay_bag(bag, estimator_settings(parameters), end=seconds)
+def replayed(
+    bag: Bag, parameters: Mapping[str, Any], part: tuple[float, float] = (0.0, inf)
+) -> Evidence:
+    """Return the evidence of a part of a bag with the estimator's parameters."""
+    start, end = part
+    result = replay_bag(bag, estimator_settings(parameters), start=start, end=end)
+
+    def again(changes: Mapping[str, Any], seconds: float = inf) -> Evidence:
+        return replayed(bag, changed(parameters, changes), (start, min(end, start + seconds)))
+
     sensors: dict[str, SensorRecord] = dict(result.sensors)
     return Evidence(
-        parameters, result.scenario, sensors, result.inputs, result.beliefs,
-        lambda changes, seconds=inf: replayed(bag, changed(parameters, changes), seconds),
+        parameters, result.scenario, sensors, result.inputs, result.beliefs, again
     )  # fmt: skip

@@ -20,7 +20,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from kalman_ros.analysis.checks import Check
 from kalman_ros.analysis.diagnosis.diagnose import PROOF, Diagnosis, diagnose
 from kalman_ros.bags.reading import Bag
-from kalman_ros.programs.common_arguments import add_parameters
+from kalman_ros.programs.common_arguments import add_parameters, add_part
 from kalman_ros.programs.refusal import interruptible, refuse
 from kalman_ros.programs.results import ready
 from kalman_ros.scenario.parameter_files import overrides
@@ -49,6 +49,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         help="the estimator's parameter file, or the name of a scenario",
     )  # fmt: skip
     add_parameters(parser, 'a parameter, over those of the file')
+    add_part(parser)
     parser.add_argument(
         '--out', type=Path, metavar='DIR', help='for the results (default: out/BAG/doctor)'
     )
@@ -69,7 +70,8 @@ def main(argv: Sequence[str] | None = None) -> None:
             sys.exit(describe_and_propose(options.bag, folder, console))
         with _without_collector(), _show_progress(console) as progress:
             progress('replaying the recording')
-            evidence = load(options.bag, options.params_file, changes)
+            part = options.start, options.end
+            evidence = load(options.bag, options.params_file, changes, part)
             diagnosis = diagnose(evidence, progress)
             failed = [] if diagnosis.findings else failed_checks(evidence)
     except (ValueError, OSError) as error:

@@ -20,7 +20,7 @@ from kalman_ros.bags.reading import Bag
 from kalman_ros.bags.replay import estimator_settings, replay_bag
 from kalman_ros.bags.replayed import Replayed
 from kalman_ros.harness.interrupts import deferred
-from kalman_ros.programs.common_arguments import add_parameters
+from kalman_ros.programs.common_arguments import add_parameters, add_part
 from kalman_ros.programs.refusal import interruptible, refuse
 from kalman_ros.programs.results import ready
 from kalman_ros.scenario.parameter_files import overrides
@@ -48,13 +48,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         '--out', type=Path, metavar='DIR', help='for the results (default: out/replay/BAG)'
     )
     parser.add_argument('--smooth', action='store_true', help='smooth the states, too')
-    parser.add_argument(
-        '--from', type=float, default=0.0, metavar='S', dest='start',
-        help='seconds from the start of the recording (default: 0)',
-    )  # fmt: skip
-    parser.add_argument(
-        '--to', type=float, default=inf, metavar='S', dest='end', help='the same for the end'
-    )
+    add_part(parser)
     parser.add_argument(
         '--truth', default='', metavar='TOPIC',
         help='true states, as the estimate has them, or true poses',

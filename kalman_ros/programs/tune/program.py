@@ -22,7 +22,7 @@ from kalman_ros.analysis.tuning.held_out import Judgement, judge
 from kalman_ros.analysis.tuning.profiles import Profile, profiles
 from kalman_ros.analysis.tuning.robust_margins import RobustMargins, robust_margins
 from kalman_ros.core import DesignError, Dynamics
-from kalman_ros.programs.common_arguments import add_parameters
+from kalman_ros.programs.common_arguments import add_parameters, add_part
 from kalman_ros.programs.refusal import refuse
 from kalman_ros.programs.results import ready
 from kalman_ros.scenario import Scenario, build, shipped
@@ -74,6 +74,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         '--out', type=Path, metavar='DIR', help='for the results (default: out/BAG/tune)'
     )
     add_parameters(parser, 'a parameter, over those of the file, such as a start')
+    add_part(parser)
     return parser.parse_args(argv)
 
 
@@ -108,7 +109,7 @@ def main(argv: Sequence[str] | None = None) -> None:
             task = bar.add_task('reading the recording', total=None)
             recorded = load(
                 options.bag, options.params_file, changes, options.fit, bounds, priors,
-                options.hold_out,
+                options.hold_out, (options.start, options.end),
             )  # fmt: skip
 
             def report(text: str, share: float) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +56,7 @@ def load(
     bounds: Mapping[str, tuple[float, float]],
     priors: Mapping[str, tuple[float, float]],
     hold_out: float,
+    part: tuple[float, float] = (0.0, inf),
 ) -> Recorded:
     """Return the likelihood of a bag with the estimator of a parameter file.
 
@@ -68,7 +70,7 @@ def load(
     settings = estimator_settings(values)
     named = NamedParameters(values, settings.extra)
     chosen = named.choose(list(fit) or named.usual, bounds, priors)
-    replayed = replay_bag(Bag(bag), settings)
+    replayed = replay_bag(Bag(bag), settings, start=part[0], end=part[1])
     observations = _observations(replayed, named)
     if observations.count < _LEAST * len(chosen):
         raise ValueError(
