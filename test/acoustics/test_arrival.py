@@ -120,12 +120,14 @@ def test_it_beats_a_steered_response(decibel):
     assert ours < theirs
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_noise_alone_is_no_source():
     _, _, evidence = found(-60.0, runs=500)
     assert np.all(evidence < LEAST_EVIDENCE)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_what_is_hardly_heard_does_no_harm():
     # here most frames have no clear source; the few that pass must be as good as they say

@@ -369,6 +369,7 @@ def test_a_warning_says_what_may_go_wrong(values, latency, expected):
     assert len(said) == len(expected), said
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_delay_that_the_loop_does_not_bear_is_said():
     found = cart_pole(0.02)

@@ -97,6 +97,7 @@ def test_a_heading_that_is_20_degrees_off():
     assert '+0.34' in found[0].sentence or '+0.35' in found[0].sentence
 
 
+@pytest.mark.thorough
 def test_gravity_in_an_acceleration_by_the_tilt_of_a_mounting():
     """10 degrees of tilt leave 1.7 m/s^2, which was integrated to 170 m."""
     tilted = values_of(lambda y: y + np.array([9.81 * np.sin(radians(10.0)), 0.0]))

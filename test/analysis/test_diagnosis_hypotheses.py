@@ -67,6 +67,7 @@ def test_it_is_found_on_a_spring(spring, name, change, kind):
     assert first(edited(spring, name, change)) == (kind, name)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ('change', 'kind'),

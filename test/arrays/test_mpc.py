@@ -36,6 +36,7 @@ def test_a_pole_stands_and_its_cart_stays_on_the_track_where_the_cut_off_regulat
     assert np.abs(lost.truth[:, 2]).max() > 1.5
 
 
+@pytest.mark.thorough
 def test_a_robot_on_wheels_keeps_limits_of_its_states_along_a_path():
     robot = {'model_parameters.command_time': 0.2, 'initial_state': [0.0] * 5, 'law': 'mpc',
              'horizon': 0.6, 'state_limit.omega': [-1.5, 1.5]}  # fmt: skip

@@ -141,6 +141,7 @@ class Drag(kr.Model):
         return np.diag([0.0, 0.01])
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.usefixtures('with_casadi')
 def test_members_whose_formulas_differ_are_fitted_as_in_numpy(monkeypatch):

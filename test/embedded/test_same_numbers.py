@@ -174,6 +174,7 @@ def test_no_reading_makes_it_lose_its_mind(name, tmp_path):
         np.linalg.cholesky(c.covariance)
 
 
+@pytest.mark.thorough
 def test_absurd_times_break_nothing(tmp_path):
     changes = {'law': 'lqi', 'integral_cost': [50.0], 'encoder.gate': 0.99}
     loop = of_scenario('dc_motor', changes)

@@ -5,7 +5,7 @@ from collections import defaultdict
 
 import numpy as np
 import pytest
-from thorough import mostly_thorough
+from thorough import mostly_thorough, thorough
 
 pytest.importorskip('rclpy')
 
@@ -92,8 +92,8 @@ def test_nothing_is_said_of_sensors_as_believed(name, seed):
     ('faults', 'kind', 'number'),
     [
         ({'dropout': 1.0}, 'silent', ('seconds', 6.0, 0.1)),
-        ({'dropout': 0.6}, 'lost', ('share', 0.6, 0.1)),
-        ({'freeze': True}, 'frozen', None),
+        thorough({'dropout': 0.6}, 'lost', ('share', 0.6, 0.1)),
+        thorough({'freeze': True}, 'frozen', None),
         ({'outliers': 0.05}, 'outliers', ('share', 0.05, 0.03)),
     ],
 )
@@ -105,7 +105,7 @@ def test_a_fault_is_named(faults, kind, number):
         assert found[key] == pytest.approx(value, abs=tolerance)
 
 
-@pytest.mark.parametrize('bias', [[0.05, 0.0], [0.0, -0.05], [0.03, -0.05]])
+@pytest.mark.parametrize('bias', [thorough([0.05, 0.0]), thorough([0.0, -0.05]), [0.03, -0.05]])
 def test_every_coordinate_with_a_bias_is_named(bias):
     found, _ = said(*ran('cart_pole', 6.0, bias=bias))
     assert found['kind'] == 'bias'

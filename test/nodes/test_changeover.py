@@ -37,6 +37,7 @@ def arithmetic(node):
     return node.report()[2]['arithmetic']
 
 
+@pytest.mark.thorough
 def test_casadi_computes_until_the_compiler_is_done(start):
     found = start()
     node = found.node

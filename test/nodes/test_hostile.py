@@ -66,7 +66,7 @@ LIMIT = 5.0
 #: Of rclpy itself.
 NOT_OURS = ('/parameter_events', '/rosout', '/clock')
 PATIENT = settings(
-    suppress_health_check=list(HealthCheck), max_examples=2 * settings.default.max_examples
+    suppress_health_check=list(HealthCheck), max_examples=settings.default.max_examples
 )
 pytestmark = pytest.mark.slow
 

@@ -68,6 +68,7 @@ def test_the_axes_hold_truth_and_estimate(tracked, tmp_path):
         assert low < run.truth[:, index].min() < run.truth[:, index].max() < high
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_heading_beyond_half_a_turn_is_one_line_with_its_readings(tmp_path):
     built = scenario.build({'model': 'gnss_imu'})

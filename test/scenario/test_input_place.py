@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from thorough import thorough
 
 import kalman_ros as kr
 from kalman_ros.core import Signal
@@ -50,7 +51,9 @@ def test_the_centre_of_a_body_that_rocks_does_not_accelerate():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(('place', 'least', 'most'), [(PLACE, 0.0, 0.1), (ORIGIN, 10.0, 30.0)])
+@pytest.mark.parametrize(
+    ('place', 'least', 'most'), [(PLACE, 0.0, 0.1), thorough(ORIGIN, 10.0, 30.0)]
+)
 def test_dead_reckoning_stays_where_the_centre_is(place, least, most):
     """Half a minute of rocking in place, with the attitude that the same rates give."""
     model, dt = Inertial(), 0.005

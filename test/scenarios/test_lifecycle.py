@@ -117,7 +117,7 @@ def test_a_transition_that_there_is_not_is_refused():
     [
         thorough('plant', 'seed', 'one', 1, "seed: expected a whole number, got 'one'"),
         ('estimator', 'position.noise', [-1.0, 1.0], [0.1, 0.1], 'expected positive'),
-        ('controller', 'input_limit', [1.0, 1.0, 1.0], 1.0, 'expected 1 or 2 numbers, got 3'),
+        thorough('controller', 'input_limit', [1.0] * 3, 1.0, 'expected 1 or 2 numbers, got 3'),
         thorough('estimator', 'filter', 'kff', 'ekf', "unknown filter 'kff'"),
         thorough(
             'estimator', 'position.topic', '9 lives', 'place', 'expected the name of a topic'

@@ -195,6 +195,7 @@ def test_run_k_is_the_same_however_many_there_are():
     assert len({*spawned(5, 1000), *spawned(6, 1000)}) == 2000
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_filter_without_a_batched_form_runs_one_by_one():
     found = kr.monte_carlo('bearing_tracker', runs=2, seconds=20.0, after=0.0)
