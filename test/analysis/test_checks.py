@@ -19,6 +19,7 @@ def judged():
     return built, theory, run, {c.name: c for c in verdicts.checks(built, theory, run)}
 
 
+@pytest.mark.slow
 def test_the_nees_is_by_its_degrees_of_freedom_and_one_is_expected(judged):
     _, theory, run, found = judged
     check = found['NEES / 2']

@@ -57,6 +57,7 @@ def test_a_force_that_is_turned_in_its_plane(plane, angle):
     assert nearer.parameters == 1
 
 
+@pytest.mark.slow
 def test_an_instrument_is_turned_with_all_its_vectors(space):
     turn = np.array([0.0005, -0.0005, 0.03])
     askew = Examination(input_axes.mixed(space, np.kron(np.eye(2), rotations.exp(turn).T)))

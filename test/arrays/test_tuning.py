@@ -184,6 +184,7 @@ def test_the_constants_of_a_motor_are_identified():
         assert each.low < true < each.high
 
 
+@pytest.mark.slow
 def test_a_gain_in_two_factors_is_called_so():
     rng = np.random.default_rng(4)
     inputs = rng.choice([-1.0, 1.0], 300)

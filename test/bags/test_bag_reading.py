@@ -366,6 +366,7 @@ def test_a_truncated_recording_is_read_as_far_as_it_goes_or_refused(
     consume(path)
 
 
+@pytest.mark.slow
 @FILES
 @given(
     which=st.integers(0, 3),

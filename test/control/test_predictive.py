@@ -96,6 +96,7 @@ def test_with_limits_it_is_the_whole_program(x):
     np.testing.assert_allclose(states[0], x)
 
 
+@pytest.mark.slow
 def test_a_limit_of_the_rate_counts_from_the_last_input():
     x = np.array([1.0, 0.0])
     K = dlqr(F, G, PRICE).gain
@@ -107,6 +108,7 @@ def test_a_limit_of_the_rate_counts_from_the_last_input():
         assert np.abs(u - before) <= 0.3 + 1e-9
 
 
+@pytest.mark.slow
 def test_the_input_of_now_is_within_its_limits_whatever_the_state():
     rng = np.random.default_rng(1)
     limits = np.array([-1.0, -0.4]), np.array([1.0, 0.4])
@@ -148,6 +150,7 @@ def test_it_costs_less_than_a_regulator_that_is_cut_off():
         assert planned <= clipped * (1.0 + 1e-6)
 
 
+@pytest.mark.slow
 def test_a_state_stays_within_its_limit_at_its_price():
     x, limits = np.array([5.0, 0.0]), (np.array([-INF, -0.4]), np.array([INF, 0.4]))
     for price, excess in ((1e6, 1e-4), (1e3, 0.05)):

@@ -31,6 +31,7 @@ def ask(pair, monkeypatch):
     return send, prepared, started.node
 
 
+@pytest.mark.slow
 def test_a_name_that_is_repeated_is_refused_without_any_work(ask):
     send, prepared, node = ask
     before = list(node.get_parameter('input_cost').value)

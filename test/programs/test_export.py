@@ -77,6 +77,7 @@ def test_the_path_of_a_file_becomes_a_table(tmp_path):
     assert 'MOTION' not in (tmp_path / 'd' / 'robot.c').read_text()
 
 
+@pytest.mark.slow
 def test_a_corner_is_cut_by_the_tolerance_of_the_path(tmp_path):
     source = Path(__file__).parents[2] / 'docs' / 'examples' / 'robot_on_a_path.yaml'
     corner = tmp_path / 'corner.yaml'

@@ -139,8 +139,8 @@ def test_the_limit_of_the_input_is_dragged_and_the_page_says_what_acts(cart):
         return left + width - 20, top + height - 14 - share * (height - 14 - 15)
 
     browser.drag(at(10.0), at(6.0), at(2.0))
-    seen = loop.seen('values', lambda m: m['limits']['input'][0] < 3.0)
-    assert seen['limits']['input'][0] == pytest.approx(2.0, abs=0.3)
+    seen = loop.seen('values', lambda m: m['limits']['input']['f'][1] < 3.0)
+    assert seen['limits']['input']['f'] == pytest.approx([-2.0, 2.0], abs=0.3)
     held = '/held by the limit of the input: [0-9]+ % of the last 5 s/'
     browser.until(f'{held}.test({text("#sentence")})')
     loop.do(do='limit', of='input', name='f', value=10.0)
@@ -154,6 +154,26 @@ def test_a_typed_limit_is_removed(cart):
             '(document.querySelectorAll(".limits input")[3])'
         )
         loop.seen('values', lambda m: m['limits']['state']['theta'][1] == wanted)  # noqa: B023
+
+
+@pytest.fixture
+def pusher(tmp_path):
+    text = (EXAMPLES / 'cart_on_a_track.yaml').read_text()
+    (tmp_path / 'pusher.yaml').write_text(text + '    input_lower_limit: [-4.0]\n')
+    yield from served(tmp_path / 'pusher')
+
+
+def test_an_input_with_two_limits_has_a_field_for_each(pusher):
+    browser, loop = pusher
+    browser.click('[data-task=limits]')
+    browser.until('document.querySelectorAll("[aria-label=\'lowest f\']").length === 1')
+    steps = ('lowest', -3, [-3.0, 10.0]), ('highest', 3, [-3.0, 3.0]), ('lowest', -1, [-1.0, 3.0])
+    for side, typed, wanted in steps:
+        browser.run(
+            f'(f => {{ f.value = "{typed}"; f.dispatchEvent(new Event("change")); }})'
+            f'(document.querySelector("[aria-label=\'{side} f\']"))'
+        )
+        loop.seen('values', lambda m: m['limits']['input']['f'] == wanted)  # noqa: B023
 
 
 def test_a_path_of_a_cart_says_why_it_cannot_be_drawn(cart):

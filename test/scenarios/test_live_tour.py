@@ -155,7 +155,7 @@ def test_limits_poles_and_a_ghost_are_in_the_address(cart):
     opened(browser, loop, '#task=limits')
     values, scene = (loop.seen(section, lambda m: True) for section in ('values', 'scene'))
     begun, force = values['chosen']['law'], scene['input']['names'][0]
-    most = values['limits']['input'][0]
+    most = values['limits']['input'][force][1]
     free = {} if most is None else {'value': most}
     assert loop.do(do='limit', of='input', name=force, side='high', value=7.5)['error'] == ''
     assert loop.do(do='ghost', filter='ukf')['error'] == ''
@@ -165,7 +165,7 @@ def test_limits_poles_and_a_ghost_are_in_the_address(cart):
         browser.until(f'location.hash.includes("{part}=")')
     address = browser.run('location.hash')
     parts = {name: value[0] for name, value in parse_qs(address.removeprefix('#')).items()}
-    assert json.loads(parts['inputs']) == {force: 7.5} and parts['ghost'] == 'ukf'
+    assert json.loads(parts['inputs']) == {force: [-7.5, 7.5]} and parts['ghost'] == 'ukf'
     assert json.loads(parts['poles']) == {'regulator': poles}
     assert loop.do(do='choose', what='law', value='mpc')['error'] == ''
     loop.do(do='limit', of='state', name='x', side='high', value=1.5)
@@ -181,7 +181,10 @@ def test_limits_poles_and_a_ghost_are_in_the_address(cart):
     offer = browser.run(text('#offered'))
     assert f'the high limit of {force} to 7.5' in offer and 'the poles of the regulator' in offer
     browser.click('#accept')
-    loop.seen('values', lambda m: m['limits']['input'] == [7.5] and m['placed'].get('regulator'))
+    loop.seen(
+        'values',
+        lambda m: m['limits']['input'] == {force: [-7.5, 7.5]} and m['placed'].get('regulator'),
+    )
     loop.seen('ghost', lambda m: m['filter'] == 'ukf')
     loop.do(do='ghost', shown=False)
     assert loop.do(do='choose', what='law', value=begun)['error'] == ''

@@ -164,6 +164,7 @@ def test_findings_match_what_is_alike_and_the_kinds_of_this_set(
     assert is_right(claim, RECORDINGS[name]) is right
 
 
+@pytest.mark.slow
 def test_the_program_lists_and_writes_this_set(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
