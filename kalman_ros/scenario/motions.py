@@ -27,8 +27,8 @@ _ACCURACY = 0.1
 _SHARE = 0.1
 #: Gains that differ by less, relative to the largest, are the same.
 _SAME = 1e-6
-#: By how much an input may be below its lower limit, relative to the largest of a motion: to brake
-#: to rest takes a little reverse, which is cut off where an actuator has none.
+#: By how much an input that rests at its lower limit may be below it, relative to the largest of a
+#: motion: to brake to rest takes a little reverse, which is cut off where an actuator has none.
 _CUT = 0.1
 #: An input misses a rate by less than this, relative to its size.
 _MISSED = 1e-6
@@ -227,7 +227,8 @@ def _check_inputs(scenario: Scenario, motion: Motion, limits: Limits | None) -> 
         return
     input, u, alike = scenario.model.input, motion.inputs, limits.are_alike
     rate: Array = np.abs(np.diff(u[:-1], axis=0)) / motion.dt
-    cut = _CUT * np.abs(u).max(axis=0)
+    at_limit = scenario.model.equilibrium.input <= limits.lower
+    cut = np.where(at_limit, _CUT * np.abs(u).max(axis=0), 0.0)
     for name, values, limit, beyond in (
         ('input_limit', u, limits.upper, u - limits.upper),
         ('input_limit', u, limits.lower, np.where(alike, limits.lower - u, -inf)),
@@ -236,9 +237,9 @@ def _check_inputs(scenario: Scenario, motion: Motion, limits: Limits | None) -> 
     ):
         if beyond.size and (beyond > 0.0).any():
             step, index = divmod(int(np.argmax(beyond)), input.size)
+            brakes = name == 'input_lower_limit' and at_limit[index]
             slower = 'a slower motion, or wider bends, need'
-            gentler = 'a smaller acceleration needs'
-            remedy = gentler if name == 'input_lower_limit' else slower
+            remedy = 'a smaller acceleration needs' if brakes else slower
             raise ValueError(
                 f'it needs {input.names[index]} of {values[step, index]:.3g} at '
                 f'{step * motion.dt:.3g} s, beyond the {name} of {limit[index]:g}; {remedy} less'

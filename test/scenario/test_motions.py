@@ -110,7 +110,8 @@ def test_what_no_input_follows_is_refused_with_state_and_time():
         motion_of(scenario, jump)
 
 
-@pytest.mark.parametrize('side', [1.0, -1.0])
+@pytest.mark.slow
+@pytest.mark.parametrize('side', [thorough(1.0), -1.0])
 def test_a_turn_to_either_side_names_the_limit_that_is_given(side):
     reference = along_path(robot(), CORNER * [1.0, side, 1.0], 0.5, 0.5)
     largest = limits_of(2, {'input_limit': [np.inf, 1.0]})
@@ -118,6 +119,7 @@ def test_a_turn_to_either_side_names_the_limit_that_is_given(side):
         motion_of(robot(), reference, largest)
 
 
+@pytest.mark.slow
 def test_a_robot_that_cannot_reverse_follows_a_path_and_brakes_gently():
     forward = limits_of(2, {'input_limit': [1.5, 6.0], 'input_lower_limit': [0.0, -np.inf]})
     motion = motion_of(robot(), along_path(robot(), CORNER, 0.5, 0.5), forward)
@@ -125,6 +127,9 @@ def test_a_robot_that_cannot_reverse_follows_a_path_and_brakes_gently():
     hasty = along_path(robot(), CORNER[:2], 0.2, 0.5)
     with pytest.raises(ValueError, match=r'input_lower_limit of 0; a smaller acceleration needs'):
         motion_of(robot(), hasty, forward)
+    slow_reverse = limits_of(2, {'input_limit': [1.5, 6.0], 'input_lower_limit': [-0.02, -np.inf]})
+    with pytest.raises(ValueError, match=r'input_lower_limit of -0.02; a slower motion, or wider'):
+        motion_of(robot(), hasty, slow_reverse)
 
 
 @pytest.mark.parametrize(('factor', 'refused'), [thorough(1.01, False), thorough(0.99, True)])
