@@ -15,7 +15,7 @@ from kalman_ros.core import Array, one_each
 
 #: Names of the limits, which are parameters of the controller and not of a scenario.
 LIMITS = ('input_limit', 'input_lower_limit', 'input_rate_limit')
-#: What each of them is where there is none.
+#: The values of `LIMITS` with which no limit applies.
 _NONE = dict(zip(LIMITS, (inf, -inf, inf)))
 
 

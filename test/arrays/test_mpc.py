@@ -136,7 +136,7 @@ def test_the_first_input_follows_that_at_rest():
 
 
 @pytest.mark.parametrize('law', ['lqr', 'mpc'])
-def test_a_loop_begins_at_the_idle_input_of_its_file(law):
+def test_a_loop_of_objects_begins_at_rest(law):
     built = kr.make_scenario(Hovering(), ([[1.0, 0.0]], [[1e-4]]), rate=100.0, law=law,
                              initial=(np.zeros(2), 1e-6 * np.eye(2)))  # fmt: skip
     run = kr.simulate(built, seconds=1.0, seed=1, input_rate_limit=10.0)

@@ -67,6 +67,19 @@ def test_limits_hold():
 
 
 @pytest.mark.slow
+def test_a_loop_begins_at_the_idle_input_of_its_file(monkeypatch):
+    folder = Path(__file__).parents[2] / 'docs' / 'examples' / 'mujoco'
+    monkeypatch.syspath_prepend(str(folder))
+    given = {'seconds': 0.5, 'seed': 1, 'input_rate_limit': [1.0, 100.0]}
+    for idle, first in (('equilibrium', 1.204 * 9.81), ('zero', 0.0)):
+        run = kr.simulate(str(folder / 'quadrotor.yaml'), {'idle_input': idle}, **given)
+        assert abs(run.input[0, 0] - first) < 0.02
+    lower = {'input_limit': [24.0, 1.0], 'input_lower_limit': [2.0, -1.0]}
+    with pytest.raises(ValueError, match=r'^input_lower_limit: .*; or choose idle_input: equilib'):
+        kr.simulate(str(folder / 'quadrotor.yaml'), {'idle_input': 'zero'}, seconds=0.1, **lower)
+
+
+@pytest.mark.slow
 def test_a_reference_in_time():
     run = kr.simulate(
         'mass_spring_damper', seconds=20, reference=lambda time: {'x': 1.0 if time >= 10 else 0.0}

@@ -95,6 +95,17 @@ def test_integral_action_and_limits_are_the_same(tmp_path):
     assert inputs.min() == -0.8  # the limit acts
 
 
+def test_a_set_point_that_takes_more_than_the_limits_is_refused(tmp_path):
+    limits = limits_of(1, {'input_limit': 2.0, 'input_lower_limit': -1.0})
+    loop = of_scenario('mass_spring_damper', limits=limits)
+    at_limits = loop.law.equilibria.equilibrium(np.array([1.0, 0.0]), np.zeros(2)).input[0]
+    python, calls = Calls(loop), []
+    for force in (1.99, 2.01, -0.99, -1.01):
+        calls += [python.hold(np.array([force / at_limits, 0.0])), python.control(0.01)]
+    assert [each.outcome for each in calls[::2]] == [0, 10, 0, 10]
+    assert differences(Exported(loop, tmp_path), calls).max() < CLOSE
+
+
 def test_an_integral_does_not_grow_where_a_limit_acts(tmp_path):
     changes = {'law': 'lqi', 'integral_cost': [50.0]}
     loop = of_scenario('dc_motor', changes, limits=limits_of(1, {'input_limit': 0.05}))
@@ -102,6 +113,7 @@ def test_an_integral_does_not_grow_where_a_limit_acts(tmp_path):
     python = Calls(loop)
     far = np.ones(loop.law.space.size)
     calls = [python.hold(loop.law.rest.state + loop.law.equilibria.nearest(far).state)]
+    assert calls[0].outcome == 0
     for _ in range(200):
         calls += [python.predict(0.01), python.control(0.01)]
     calls.append(python.hold(loop.law.rest.state))

@@ -58,7 +58,7 @@ typedef enum {
     PREFIX_DUPLICATE = 7,      /* this sensor was corrected by at this time already */
     PREFIX_RESTARTED = 8,      /* the step has no result, or is too long: the first belief again */
     PREFIX_BAD_TIME = 9,       /* dt is negative or not finite: nothing happened */
-    PREFIX_UNREACHABLE = 10    /* no input holds the system at this reference: nothing changed */
+    PREFIX_UNREACHABLE = 10    /* no input within its limits holds this reference: nothing changed */
 } NAME_outcome;
 
 /* How the readings of a sensor agreed so far. */
