@@ -51,7 +51,7 @@ def acts(scenario: Scenario, limits: Limits, start: Array) -> bool:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('name', mostly_thorough(CASES, 'input'))
+@pytest.mark.parametrize('name', mostly_thorough(CASES, 'sides'))
 def test_limits_act_only_outside_the_region(name: str) -> None:
     values, given = CASES[name]
     scenario = build(values)

@@ -130,7 +130,7 @@ class Hovering(kr.Model):
 def test_the_first_input_follows_that_at_rest():
     control = kr.mpc(Hovering(), [1, 0.1], 0.1, dt=0.05, input_limit=20, input_lower_limit=2,
                      input_rate_limit=1.0)  # fmt: skip
-    np.testing.assert_allclose(control.step([5.0, 0.0]), 9.81 - 0.05)
+    np.testing.assert_allclose(control.step([-5.0, 0.0]), 9.81 + 0.05)
     with pytest.raises(ValueError, match=r'^input_limit: expected .* the input at rest \[9.81\]'):
         kr.mpc(Hovering(), [1, 0.1], 0.1, dt=0.05, input_limit=5)
 
