@@ -8,7 +8,14 @@ Backwards over the beliefs x, P of a filter and their predictions x_p, P_p,
 
 (H. Rauch, F. Tung and C. Striebel, Maximum Likelihood Estimates of Linear Dynamic Systems, AIAA
 Journal 3(8), 1965), with the covariance as a sum of positive semi-definite terms. F and Q are
-the results of `SmoothableFilter.linearized`.
+the results of `SmoothableFilter.linearized`. With d = x_s - x, the change of a mean by later
+readings, a step is affine,
+
+    d = C d' + c,   c = C (x' - x_p).
+
+Of a state with rotations these are differences in the tangent space at x, and d' is one at x',
+where C takes those from x_p: to first order d = C J^-1 d' + c, with J^-1 the inverse left Jacobian
+of x' - x_p.
 """
 
 from __future__ import annotations
@@ -85,15 +92,17 @@ def smoothed_back(filter: object, steps: Iterable[Filtered]) -> Iterator[Gaussia
     """
     if not isinstance(filter, SmoothableFilter):
         raise ValueError(f'filter: {unsmoothable(filter)}')
+    space: Space = filter.model.state
     later: Filtered | None = None
-    smoothed: Gaussian | None = None
+    change: Change | None = None
     for step in steps:
-        alone = later is None or later.restarted or isinstance(smoothed, Diffuse)
-        if alone or later is None or smoothed is None:
+        if later is None or later.restarted or change is None:
             smoothed = step.belief
+            known = not isinstance(smoothed, Diffuse)
+            change = Change(np.zeros(space.size), smoothed.covariance) if known else None
         else:
-            back = step_back(filter, step, later.time)
-            smoothed = carried_back(filter.model.state, step.belief, back, smoothed)
+            change = step_back(filter, step, later).of(change)
+            smoothed = change.applied(space, step.belief.mean)
         later = step
         yield smoothed
 
@@ -105,16 +114,37 @@ def unsmoothable(filter: object) -> str:
     return f'{expected}, got those of a {type(filter).__name__}'
 
 
-class StepBack(NamedTuple):
-    """A step of the smoother: P_s = C P_s' C' + R, and x_s = x + C (x_s' - ``predicted``)."""
+class Change(NamedTuple):
+    """The change d of a filter's mean by later readings, and the covariance of the state then."""
 
-    predicted: Array
+    d: Array
+    covariance: Array
+
+    def applied(self, space: Space, x: Array) -> Gaussian:
+        """Return the smoothed belief of a filter whose mean is ``x``."""
+        return Gaussian(*space.arrived(x + self.d, x, self.covariance))
+
+
+class StepBack(NamedTuple):
+    """A step of the smoother, to the change of a state from that of a later one."""
+
     C: Array
+    c: Array
     R: Array
 
+    def of(self, later: Change) -> Change:
+        """Return the change of the state, given that of the later one."""
+        d, P = later
+        return Change(self.C @ d + self.c, symmetric(self.C @ P @ self.C.T + self.R))
 
-def step_back(filter: SmoothableFilter, step: Filtered, until: int) -> StepBack:
-    """Return the step of the smoother to ``step`` from the next one, at time ``until``.
+    def after(self, later: StepBack) -> StepBack:
+        """Return the step from further ahead: first ``later``, then this one."""
+        C = self.C
+        return StepBack(C @ later.C, self.c + C @ later.c, k.sandwich(C, later.R, self.R))
+
+
+def step_back(filter: SmoothableFilter, step: Filtered, later: Filtered) -> StepBack:
+    """Return the step of the smoother to ``step`` from the next one.
 
     Raises
     ------
@@ -122,7 +152,7 @@ def step_back(filter: SmoothableFilter, step: Filtered, until: int) -> StepBack:
         If the prediction has no positive definite covariance.
     """
     belief = step.belief
-    predicted, F, Q = filter.linearized(belief, step.input, (until - step.time) * 1e-9)
+    predicted, F, Q = filter.linearized(belief, step.input, (later.time - step.time) * 1e-9)
     if isinstance(belief, Diffuse) and isinstance(predicted, Diffuse):
         P, C = belief.known, _gain_in_the_limit(F, belief, predicted)
     else:
@@ -130,7 +160,10 @@ def step_back(filter: SmoothableFilter, step: Filtered, until: int) -> StepBack:
         C = _gain(F @ P, predicted.covariance)
     I_CF = identity(len(P)) - C @ F
     R = k.sandwich(I_CF, P, k.sandwich(C, Q, np.zeros_like(P)))
-    return StepBack(predicted.mean, C, symmetric(R))
+    space: Space = filter.model.state
+    change = space.subtract(later.belief.mean, predicted.mean)
+    c = C @ change
+    return StepBack(C @ space.slope_from_afar(change) if space.rotations else C, c, symmetric(R))
 
 
 def _gain_in_the_limit(F: Array, before: Diffuse, after: Diffuse) -> Array:
@@ -162,11 +195,3 @@ def _solve_singular(P: Array, right: Array) -> Array:
     std[std == 0.0] = 1.0
     inverse = np.linalg.pinv(P / np.outer(std, std), hermitian=True)
     return np.asarray((inverse @ (right / std[:, None])) / std[:, None])
-
-
-def carried_back(space: Space, belief: Gaussian, back: StepBack, after: Gaussian) -> Gaussian:
-    """Return the smoothed ``belief`` of a step, given that of the step ``after`` it."""
-    x, (predicted, C, R) = belief.mean, back
-    change = space.subtract(after.mean, predicted)
-    P_s = space.from_afar(after.covariance, change)
-    return Gaussian(*space.arrived(x + C @ change, x, symmetric(C @ P_s @ C.T + R)))
