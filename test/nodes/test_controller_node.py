@@ -22,4 +22,4 @@ def test_an_estimate_is_predicted_by_its_age_where_that_is_wanted(
     u = node._output.value
     expected = node.scenario.model.step(X, u, age) if predicted else X
     np.testing.assert_allclose(node._predicted(now - round(age * 1e9), X), expected, rtol=1e-6)
-    assert float(str(node._age).split(' / ')[0]) == pytest.approx(1e3 * age, rel=1e-2)
+    assert float(str(node._health.age).split(' / ')[0]) == pytest.approx(1e3 * age, rel=1e-2)

@@ -63,9 +63,9 @@ def test_an_estimate_before_all_are_connected_is_answered_once_they_are(pair, mo
     write_stamp(message.header.stamp, node.get_clock().now().nanoseconds)
     estimates.publish(message)
     started.until(lambda: node._early, 'no estimate was received')
-    assert node._answered == 0
+    assert node._health.answered == 0
     forces = []
     for _ in range(2):
         started.peer.create_subscription(WrenchStamped, 'force', forces.append, 10)
-    started.until(lambda: node._answered, 'the early estimate was not answered')
+    started.until(lambda: node._health.answered, 'the early estimate was not answered')
     assert not node._early

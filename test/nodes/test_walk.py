@@ -97,6 +97,6 @@ def test_an_estimate_walks_as_the_page_says(pair):
         write_stamp(message.header.stamp, found.node.get_clock().now().nanoseconds)
         estimates.publish(message)
 
-    calls = traced(found, publish, lambda: found.node._answered)
+    calls = traced(found, publish, lambda: found.node._health.answered)
     followed(steps, calls)
     assert len({module for module, _ in calls}) <= MOST_MODULES

@@ -29,6 +29,7 @@ from . import (
     gross,
     input_axes,
     inputs,
+    lag,
     lateness,
     leftover,
     lever_arms,
@@ -59,7 +60,7 @@ PLAIN: Sequence[Detector] = (
 )  # fmt: skip
 #: Detectors of findings in the innovations of a filter.
 FITTED: Sequence[Detector] = (
-    units.find, mounting.find, unrelated.find, outliers.find, lateness.hidden, bias.find,
+    units.find, mounting.find, unrelated.find, outliers.find, lateness.hidden, lag.find, bias.find,
     inputs.find, input_axes.find, contradicted_parameters.find, first_belief.find,
     noise_levels.find, lever_arms.find, stretch.find,
 )  # fmt: skip

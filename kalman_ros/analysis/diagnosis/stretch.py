@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A stretch of a recording in which a sensor reads something else."""
+"""Stretches of a recording in which a sensor reads something else."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -14,103 +15,199 @@ from .finding import Finding
 from .hypotheses import edges
 from .noise_levels import innovations
 from .passage import DROPPED
-from .responses import Columns, responses
+from .responses import Columns, fitted, responses
 
 #: Fewest readings of a stretch, and its largest share of all readings.
 _FEWEST, _MOST = 8, 0.6
 #: Into how many parts a piece is divided where a stretch may begin or end.
 _FINER = 8
+#: Most stretches, most that are named, and the largest number of offsets in the search for them.
+_STRETCHES, _NAMED, _PIECES = 12, 3, 240
+#: Fewest readings of a piece, on average.
+_FEW = 4
+#: A sensor is examined in shorter pieces from this share of the largest gain on.
+_CLOSE = 0.4
+#: How many stretches that gain too little are skipped.
+_MISSES = 3
+#: Share of the information that is added, so that what shows in nothing has an inverse.
+_LEAST = 1e-9
 #: Normalised squares are limited to this, so that single outliers make no stretch.
 _OUTLYING = 50.0
 
 
-class Stretch(NamedTuple):
-    """An offset from one piece of a recording to another, with its gain."""
+class Offsets(NamedTuple):
+    """The stretches in which a sensor is off, each by the same at all times of it.
 
+    A stretch is the half-open range of its pieces, ``size`` (K, k) has the offset of each, ``std``
+    (K, k) its standard deviation, and ``gain`` is that of all together.
+    """
+
+    stretches: list[tuple[int, int]]
+    size: Array
+    std: Array
     gain: float
-    begin: int
-    end: int
-    size: float
-    std: float
 
 
 def find(case: Examination) -> list[Finding]:
     """Return the sensors that contradict the filter from one time to another, and only then."""
     contradicting = (_find(case, name) for name in case.judged)
-    return [*filter(None, contradicting), *_find_offset(case)]
+    return [*filter(None, contradicting), *_find_offsets(case)]
 
 
-def likeliest(gradient: Array, information: Array) -> Stretch:
-    """Return the likeliest stretch of a constant offset over B pieces, (B,) and (B, B).
+def likeliest(gradient: Array, information: Array, free: Array) -> tuple[int, int] | None:
+    """Return the likeliest stretch of a constant offset over B pieces, (B, k) and (B, k, B, k).
 
-    It begins after the first piece and ends before the last; others are steps.
+    It begins after the first piece and ends before the last, since others are steps, and all its
+    pieces are ``free`` (B,). None if there is none.
     """
-    B = len(gradient)
-    sums = np.concatenate((np.zeros(1), np.cumsum(gradient)))
-    blocks = np.zeros((B + 1, B + 1))
-    blocks[1:, 1:] = information.cumsum(axis=0).cumsum(axis=1)
+    B, k = gradient.shape
+    sums = np.concatenate((np.zeros((1, k)), np.cumsum(gradient, axis=0)))
+    blocks = np.zeros((B + 1, B + 1, k, k))
+    blocks[1:, 1:] = information.transpose(0, 2, 1, 3).cumsum(axis=0).cumsum(axis=1)
+    taken = np.concatenate((np.zeros(1), np.cumsum(np.logical_not(free))))
     i, j = np.triu_indices(B, 1)
-    i, j = i[i > 0], j[i > 0]
-    known = np.maximum(blocks[i, i] + blocks[j, j] - blocks[i, j] - blocks[j, i], 1e-300)
-    gains = (sums[j] - sums[i]) ** 2 / known
+    inside = (i > 0) & (taken[j] == taken[i])
+    i, j = i[inside], j[inside]
+    if not len(i):
+        return None
+    known = blocks[i, i] + blocks[j, j] - blocks[i, j] - blocks[j, i]
+    sizes = np.trace(known, axis1=1, axis2=2)[:, None, None]
+    known += (_LEAST * sizes + 1e-300) * np.eye(k)
+    g = sums[j] - sums[i]
+    gains = np.einsum('pi,pi->p', g, np.linalg.solve(known, g[:, :, None])[:, :, 0])
     best = int(np.argmax(gains))
-    size = float((sums[j] - sums[i])[best] / known[best])
-    return Stretch(
-        float(gains[best]), int(i[best]), int(j[best]), size, float(known[best]) ** -0.5
-    )
+    return int(i[best]), int(j[best])
 
 
-def _find_offset(case: Examination) -> list[Finding]:
-    """Return the likeliest offset of a coordinate in a stretch, with exact times."""
+def several(gradient: Array, information: Array, cost: float) -> Offsets | None:
+    """Return the stretches over B pieces of which each gains more than ``cost``, one by one.
+
+    Forward selection: a stretch is added, or one is divided in two by a part in which the sensor
+    is as declared. There is a piece at least between two of them.
+    """
+    best: Offsets | None = None
+    left, refused, misses = gradient, np.zeros(len(gradient), dtype=bool), 0
+    while best is None or len(best.stretches) < _STRETCHES:
+        chosen = best.stretches if best else []
+        free = np.logical_not(refused)
+        for begin, end in chosen:
+            free[[begin - 1, begin, end - 1, end]] = False
+        found = likeliest(left, information, free)
+        if found is None:
+            break
+        begin, end = found
+        whole = [each for each in chosen if each[0] < begin and end < each[1]]
+        parts = [(whole[0][0], begin), (end, whole[0][1])] if whole else [found]
+        kept = [each for each in chosen if each not in whole]
+        fit, rest = _fitted(gradient, information, sorted([*kept, *parts]))
+        if fit.gain - (best.gain if best else 0.0) > cost:
+            best, left = fit, rest
+        elif best is None or misses == _MISSES:
+            break
+        else:
+            refused[begin:end], misses = True, misses + 1
+    return best
+
+
+def _fitted(
+    gradient: Array, information: Array, stretches: list[tuple[int, int]]
+) -> tuple[Offsets, Array]:
+    """Return the offsets of given stretches, and the gradient (B, k) that they leave."""
+    B, k = gradient.shape
+    g, M = gradient.reshape(-1), information.reshape(B * k, B * k)
+    basis = np.zeros((B, k, len(stretches), k))
+    for index, (begin, end) in enumerate(stretches):
+        basis[begin:end, range(k), index, range(k)] = 1.0
+    columns = basis.reshape(B * k, -1)
+    fit = fitted(columns.T @ g, columns.T @ M @ columns)
+    left = (g - M @ columns @ fit.size).reshape(B, k)
+    return Offsets(stretches, fit.size.reshape(-1, k), fit.std.reshape(-1, k), fit.gain), left
+
+
+def _find_offsets(case: Examination) -> Iterator[Finding]:
+    """Yield the sensors that are off in one stretch or in several, with exact times."""
     limits = edges(case.passage)
     if len(limits) < 4:
-        return []
-    candidates = []
-    for name in case.judged:
-        for index in range(case.evidence.scenario.sensors[name].sensor.output.size):
-            columns = case.responses.columns('offset', name, str(index))
-            information = case.responses.information[np.ix_(columns, columns)]
-            candidates.append(
-                (likeliest(case.responses.gradient[columns], information), name, index)
-            )
-    coarse, name, index = max(candidates)
-    if coarse.gain < CHANCE:
-        return []
+        return
+    promised = {name: several(*_known_offsets(case, name, limits), CHANCE) for name in case.judged}
+    gains = {name: found.gain for name, found in promised.items() if found}
+    for name, gain in gains.items():
+        if gain > _CLOSE * max(gains.values()):
+            yield from _find_exactly(case, name, limits)
+
+
+def _find_exactly(case: Examination, name: str, limits: Array) -> Iterator[Finding]:
+    """Yield the finding of the offsets of a sensor, if pieces much shorter show them, too."""
+    k = case.evidence.scenario.sensors[name].sensor.output.size
+    numbers, readings = sum(len(e) for e in case.passage.whitened), len(case.passage.of(name))
+    cost = max((k + 2) * np.log(max(numbers, 2)), CHANCE)
+    pieces = int(np.clip(readings / _FEW, len(limits) - 1, max(_PIECES // k, len(limits) - 1)))
+    limits = np.linspace(limits[0], limits[-1], pieces + 1)
+    coarse = several(*_offsets(case, name, limits), cost)
+    if coarse is None:
+        return
     around = [
         np.linspace(limits[at - 1], limits[at + 1], 2 * _FINER + 1)
-        for at in (coarse.begin, coarse.end)
+        for stretch in coarse.stretches
+        for at in stretch
     ]
-    limits = np.unique(np.concatenate(around))
-    found = likeliest(*_offsets(case, name, index, limits))
-    return [_shifted(case, name, index, found, limits)]
+    limits = np.unique(np.concatenate([limits[[0, -1]], *around]))
+    found = several(*_offsets(case, name, limits), cost)
+    if found is not None:
+        yield _shifted(case, name, found, limits)
 
 
-def _offsets(case: Examination, name: str, index: int, limits: Array) -> tuple[Array, Array]:
-    """Return gradient (B,) and information (B, B) of offsets of a coordinate in pieces."""
+def _known_offsets(case: Examination, name: str, limits: Array) -> tuple[Array, Array]:
+    """Return gradient (B, k) and information (B, k, B, k) of the offsets that all cases have."""
+    B, k = len(limits) - 1, case.evidence.scenario.sensors[name].sensor.output.size
+    columns = [
+        column
+        for b in range(B)
+        for index in range(k)
+        for column in case.responses.columns('offset', name, str(index), str(b))
+    ]
+    information = case.responses.information[np.ix_(columns, columns)]
+    return case.responses.gradient[columns].reshape(B, k), information.reshape(B, k, B, k)
+
+
+def _offsets(case: Examination, name: str, limits: Array) -> tuple[Array, Array]:
+    """Return gradient (B, k) and information (B, k, B, k) of offsets of a sensor in pieces."""
     events = [case.passage.events[i] for i in case.passage.of(name)]
-    block = np.zeros((len(events), len(events[0].innovation), len(limits) - 1))
+    B, k = len(limits) - 1, len(events[0].innovation)
+    block = np.zeros((len(events), k, B, k))
     pieces = np.searchsorted(limits, [event.time for event in events], 'right') - 1
-    rows = np.flatnonzero((pieces >= 0) & (pieces < len(limits) - 1))
-    block[rows, index, pieces[rows]] = 1.0
+    rows = np.flatnonzero((pieces >= 0) & (pieces < B))
+    for index in range(k):
+        block[rows, index, pieces[rows], index] = 1.0
     state = np.zeros((len(case.passage.events), len(case.passage.events[0].x), 0))
-    labels = [(str(piece),) for piece in range(len(limits) - 1)]
-    found = responses(case.passage, Columns(labels, {name: [(0, block)]}, state))
-    return found.gradient, found.information
+    labels = [(str(column),) for column in range(B * k)]
+    columns = Columns(labels, {name: [(0, block.reshape(len(events), k, B * k))]}, state)
+    found = responses(case.passage, columns)
+    return found.gradient.reshape(B, k), found.information.reshape(B, k, B, k)
 
 
-def _shifted(case: Examination, name: str, index: int, found: Stretch, limits: Array) -> Finding:
-    """Return the finding that a coordinate is off from one time to another."""
+def _shifted(case: Examination, name: str, found: Offsets, limits: Array) -> Finding:
+    """Return the finding that a sensor is off from one time to another, once or several times."""
     record, space = case.evidence.sensors[name], case.evidence.scenario.sensors[name].sensor.output
-    since, until = float(limits[found.begin]), float(limits[found.end])
-    off = np.where((record.stamp >= since) & (record.stamp < until), found.size, 0.0)
-    start = case.evidence.start
+    value, words, start = record.value.copy(), [], case.evidence.start
+    for (begin, end), size, std in zip(found.stretches, found.size, found.std):
+        since, until = float(limits[begin]), float(limits[end])
+        value[(record.stamp >= since) & (record.stamp < until)] -= size
+        by = ', '.join(
+            f'{space.label(coordinate)} by {off:+.3g} ± {about:.1g}'
+            for coordinate, off, about in zip(space.names, size, std)
+        )
+        words.append(f'from t = {since - start:.3g} to {until - start:.3g} s, {by}')
+    K, k = found.size.shape
+    more = f'; and {K - _NAMED} times more' if K > _NAMED else ''
+    main = int(np.argmax(np.abs(found.size / found.std).max(axis=0)))
     return Finding(
         'disturbed', name,
-        f'readings of {name} are off from t = {since - start:.3g} to {until - start:.3g} s, '
-        f'{space.label(space.names[index])} by {found.size:+.3g} ± {found.std:.1g}, and not '
-        'before or after: a magnet, reflections, or a slip.',
-        found.gain**0.5, gain=found.gain, parameters=3, figure=innovations(case, name, index),
-        mended=lambda: case.evidence.with_column(name, index, record.value[:, index] - off),
+        f'readings of {name} are off {"; ".join(words[:_NAMED])}{more}, and not before or after: '
+        'a magnet, reflections, or a slip.',
+        found.gain**0.5, gain=found.gain, parameters=K * (k + 2),
+        figure=innovations(case, name, main),
+        mended=lambda: case.evidence.with_values(name, value),
     )  # fmt: skip
 
 

@@ -10,7 +10,6 @@ from math import inf
 from time import monotonic
 from typing import Any
 
-import numpy as np
 from rclpy.clock import JumpThreshold
 from rclpy.duration import Duration
 from std_msgs.msg import Bool, Empty
@@ -23,26 +22,22 @@ from kalman_ros.control.motion import Motion
 from kalman_ros.control.predictive import Prediction
 from kalman_ros.core import Array, Value, is_finite
 from kalman_ros.nodes.middleware import runtime
-from kalman_ros.nodes.middleware.diagnostics import Level, Report
+from kalman_ros.nodes.middleware.diagnostics import Report
 from kalman_ros.nodes.middleware.meeting import Meeting
-from kalman_ros.nodes.middleware.meters import Latency, Rate
 from kalman_ros.nodes.middleware.topics import HISTORY, QUEUE, STATIC, WATCH
 from kalman_ros.pipeline.input_messages import InputEncoder
-from kalman_ros.pipeline.throttle import Throttle
 from kalman_ros.scenario import Scenario
-from kalman_ros.scenario.body_roles import body_of
 from kalman_ros.scenario.regulator import actuators, feedback, tracking
 
 from .feed import EstimateFeed
 from .guard import EstimateGuard, guard_limits
+from .health import Health
 from .motions import MotionReader
 from .options import ControllerOptions
 from .output import OutputStage
 from .reference import ReferenceReader
 from .stop import Heartbeat, Stop
 
-#: The warning while no plan is within the limits of the states.
-_NO_PLAN = 'no plan keeps the limits of the states; they count with their price until one does'
 #: The longest step, in seconds, over which an integral is updated or an estimate predicted.
 _LONGEST = 0.5
 #: A clock that goes back by less is out of order, not reset.
@@ -80,8 +75,6 @@ class ControllerNode(runtime.ScenarioNode):
         #: Whether the input went to idle, and has to continue from there.
         self._released = False
         self._period = 1.0 / scenario.rate
-        self._refused = 0
-        self._rate, self._latency, self._age = Rate(), Latency(), Latency()
         self._feed = EstimateFeed(self, scenario, self._guard)
         write = InputEncoder(scenario.input, options.frame)
         publisher = self.create_publisher(write.message_type, scenario.input.topic, HISTORY)
@@ -93,20 +86,25 @@ class ControllerNode(runtime.ScenarioNode):
         self._reference = ReferenceReader(
             self, scenario, self._hold, self._move, frame, options.reference_timeout, bounds
         )
-        #: Steps without a plan within the limits of the states, as last reported.
-        self._impossible, self._warn = 0, Throttle(self.get_logger().warning)
         #: The last estimate that was used.
         self._here: Array | None = None
         self._motions = MotionReader(self, self._regulator, frame, lambda: self._here)
         self._motions.adopt(scenario, options, bounds)
+        self._health = Health(
+            self._regulator,
+            self._stop,
+            self._feed,
+            self._output,
+            self._reference,
+            self._motions,
+            self.get_logger().warning,
+        )
 
     def activate(self) -> None:
         """Respond to estimates from now on."""
-        self._fault = ''
-        self._came = monotonic()
+        self._health.begin()
         self._time: int | None = None
-        self._failed_at = 0
-        self._answered = self._feed.passed = 0
+        self._failed_at = self._feed.passed = 0
         self._guard.forget()
         self._meeting = Meeting(self._connected)
         #: The estimate to respond to once the nodes are connected.
@@ -169,11 +167,10 @@ class ControllerNode(runtime.ScenarioNode):
         if estimate is None:
             return
         self._clock_went_back = False
-        self._came = self._rate.count()
+        self._health.receive()
         time = estimate.time if estimate.time is not None else self._now()
         self._answer(time, estimate)
-        self._answered += 1
-        self._latency.add(monotonic() - came)
+        self._health.count(came)
 
     def _answer(self, time: int, estimate: Sample) -> None:
         """Publish the input for an estimate, or one towards idle if it is refused."""
@@ -186,7 +183,7 @@ class ControllerNode(runtime.ScenarioNode):
         if not reason and not is_finite(x):
             reason = 'the estimate cannot be predicted by its age'
         if reason:
-            self._refused += 1
+            self._health.refused += 1
             self._fail(reason, time)
             return
         self._recover(x)
@@ -216,19 +213,19 @@ class ControllerNode(runtime.ScenarioNode):
             self._enable(on=False)
         elif self.options.resume == 'never':
             self._stop_acting(reason)
-        if not self._fault:
-            words = f'{reason}: the force goes to {self._idle_name}'
+        if not self._health.fault:
+            words = f'{reason}: the force goes to {self._output.idle_name}'
             self.get_logger().error(words, throttle_duration_sec=1.0)
             self.diagnostics.soon()
-        self._fault = reason
+        self._health.fault = reason
 
     def _recover(self, x: Array) -> None:
         """Continue from the current input, if it went to idle."""
-        if self._fault:
-            words = f'estimates can be used again, after: {self._fault}'
+        if self._health.fault:
+            words = f'estimates can be used again, after: {self._health.fault}'
             self.get_logger().info(words, throttle_duration_sec=1.0)
             self.diagnostics.soon()
-            self._fault = ''
+            self._health.fault = ''
         if self._released:
             self._regulator.follow(x, self._output.value)
             self._released = False
@@ -241,8 +238,8 @@ class ControllerNode(runtime.ScenarioNode):
         problem = self._heartbeat_problem()
         if problem and self._stop.may_act:
             self._fail(problem, self._stamp())
-        silence, timeout = monotonic() - self._came, self.options.estimate_timeout
-        if self._answered and timeout and silence > timeout:
+        silence, timeout = monotonic() - self._health.came, self.options.estimate_timeout
+        if self._health.answered and timeout and silence > timeout:
             now = self._stamp()
             if not self._output.at_idle or now != self._failed_at:  # time is paused
                 self._fail(f'no {self.scenario.state.topic} received for {silence:.2g} s', now)
@@ -253,7 +250,7 @@ class ControllerNode(runtime.ScenarioNode):
         if self.options.lockstep:
             return x
         age = ((self._now() or time) - time) * 1e-9
-        self._age.add(age)
+        self._health.age.add(age)
         age = self.scenario.model.nearest_step(age)
         if not self.options.predict_latency or not 0.0 < age <= _LONGEST:
             return x
@@ -300,7 +297,9 @@ class ControllerNode(runtime.ScenarioNode):
         if not response.success:
             response.message = f'stopped ({self._stop.reason}): call ~/reset first'
         else:
-            response.message = 'forces are computed' if on else f'the force is {self._idle_name}'
+            response.message = (
+                'forces are computed' if on else f'the force is {self._output.idle_name}'
+            )
         return response
 
     def _on_stop(self, message: Any) -> None:
@@ -312,7 +311,7 @@ class ControllerNode(runtime.ScenarioNode):
 
     def _on_stop_request(self, _: Any, response: Any) -> Any:
         self._stop_acting('~/stop')
-        response.success, response.message = True, f'the force is {self._idle_name}'
+        response.success, response.message = True, f'the force is {self._output.idle_name}'
         return response
 
     def _on_reset(self, _: Any, response: Any) -> Any:
@@ -352,10 +351,6 @@ class ControllerNode(runtime.ScenarioNode):
             self._output.close(self._stamp)
             self._released = True
         return True
-
-    @property
-    def _idle_name(self) -> str:
-        return "the equilibrium's" if self._output.idle.any() else 'zero'
 
     def prepare(
         self, scenario: Scenario, options: ControllerOptions, extra: Mapping[str, Value]
@@ -398,62 +393,7 @@ class ControllerNode(runtime.ScenarioNode):
 
     def report(self) -> Report:
         """Return counts and gains, or why no input is computed."""
-        gains, target = self._regulator.feedback, self._regulator.target
-        values = {
-            'estimates answered': self._answered,
-            'estimates refused': self._refused,
-            'estimates skipped for newer ones': self._feed.passed,
-            'estimates ignored: older than the last': self._feed.older,
-            'forces published': self._output.count,
-            'forces limited': self._output.limited,
-            'rate [Hz]': self._rate.value,
-            'from arrival to publication, 50 / 90 / 99 % [ms]': str(self._latency),
-            'age of estimates, 50 / 90 / 99 % [ms]': str(self._age),
-            'law': self.scenario.law,
-            'set points refused': self._reference.refused,
-            'motions planned': self._motions.planned,
-            'motions refused': self._motions.refused,
-            'reference': np.array2string(target[0], precision=4),
-            'gain': np.array2string(gains.gain, precision=4),
-            'poles': np.array2string(gains.poles, precision=4),
-        }
-        predictor = self._regulator.predictor
-        if predictor is not None:
-            values['inputs planned within limits'] = predictor.limited
-            values['plans too late'] = predictor.late
-            values['plans not possible'] = predictor.infeasible
-        zero = f'the force {"is" if self._output.at_idle else "goes to"} {self._idle_name}'
-        if self._stop.reason:
-            return Level.ERROR, f'stopped ({self._stop.reason}): {zero}', values
-        if self._fault:
-            return Level.ERROR, f'{self._fault}: {zero}', values
-        values.update(self._progress())
-        if self._motions.refusal:
-            values['reason of the last refusal'] = self._motions.refusal
-        if not self._stop.may_act:
-            return Level.WARN, f'disabled: {zero}', values
-        if not self._answered:
-            return Level.WARN, f'no {self.scenario.state.topic} received', values
-        impossible = 0 if predictor is None else predictor.infeasible
-        since, self._impossible = impossible - self._impossible, impossible
-        if since > 0:
-            self._warn(_NO_PLAN)
-            return Level.WARN, _NO_PLAN, values
-        return Level.OK, 'running', values
-
-    def _progress(self) -> dict[str, str]:
-        """Return how far a motion has got; nothing where none is followed."""
-        motion, elapsed = self._regulator.motion, self._regulator.elapsed
-        if motion is None:
-            return {}
-        found = {'motion': f'{elapsed:.2f} of {motion.duration:.2f} s'}
-        body = body_of(self.scenario.model.state, self.scenario.state)
-        places = [body.index[axis] for axis in body.position]
-        if places:
-            ahead = motion.states[min(int(elapsed / motion.dt), len(motion.states) - 1) :, places]
-            length = float(np.linalg.norm(np.diff(ahead, axis=0), axis=1).sum())
-            found['remaining distance [m]'] = f'{length:.3f}'
-        return found
+        return self._health.report(self.scenario)
 
 
 def main() -> None:

@@ -75,6 +75,11 @@ class OutputStage:
         return self._limiter.idle
 
     @property
+    def idle_name(self) -> str:
+        """What the idle input is."""
+        return "the equilibrium's" if self.idle.any() else 'zero'
+
+    @property
     def at_idle(self) -> bool:
         """Whether the last input was the idle one."""
         return self._limiter.at_idle

@@ -41,7 +41,7 @@ NAMES = {
     'asymmetry': ('asymmetric scale', 'asymmetric gain'),
     'gate': ('gate', 'gate too narrow'), 'cross-axis': ('cross-axis', 'rotated'),
     'hard iron': ('hard iron', 'bias', 'random walk'), 'bias step': ('bias step', 'bias'),
-    'slip': ('slip', 'outliers', 'random walk'),
+    'slip': ('slip', 'disturbed', 'outliers', 'random walk'),
 }  # fmt: skip
 #: The same for faults of the input. A command that is recorded late acts before its stamp, and
 #: 'input delay' is the opposite: a command that acts after its stamp.
