@@ -8,7 +8,7 @@ from math import ceil
 
 import numpy as np
 
-from kalman_ros.core import Array, Dynamics, TimedSensor, is_due, ratio
+from kalman_ros.core import Array, Dynamics, TimedSensor, is_due, is_finite, ratio
 from kalman_ros.core.stacked import stacked
 from kalman_ros.linear.batched import semidefinite_factor, times
 
@@ -158,8 +158,7 @@ class BatchPlant:
             Q = self._stacked.step_noise(x, u, self.dt)
             noise = times(semidefinite_factor(Q), noise)
         moved = self.model.state.add(self._propagate(x, u), noise)
-        flat = moved.ravel('K')
-        if not np.isfinite(flat.dot(flat)):
+        if not is_finite(moved):
             # as in a single run, a state whose square is not finite stays where it is
             moving = np.isfinite(np.einsum('ij,ij->i', x, x))
             moved = np.where(moving[:, np.newaxis], moved, x)

@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from kalman_ros.core import matrix, semidefinite, variances, vector
+from kalman_ros.core import is_finite, matrix, semidefinite, variances, vector
 
 
 @pytest.mark.parametrize(
@@ -46,3 +46,13 @@ def test_the_input_is_copied():
 
 def test_variances_are_the_squares_of_standard_deviations():
     np.testing.assert_array_equal(variances('noise', [0.5, 3.0], 2), np.diag([0.25, 9.0]))
+
+
+@pytest.mark.parametrize('size', [1, 8191, 8192, 20_000])
+@pytest.mark.parametrize('bad', [np.nan, np.inf, -np.inf, 1e200])
+def test_a_number_that_is_not_finite_is_found_anywhere(size, bad):
+    values = np.random.default_rng(0).normal(size=(size, 2))
+    assert is_finite(values) and is_finite(values.T)
+    values[size // 2, 1] = bad
+    with np.errstate(over='ignore'):
+        assert not is_finite(values) and not is_finite(values.T)
