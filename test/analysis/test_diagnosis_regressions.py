@@ -351,7 +351,7 @@ def test_a_rotation_is_large_and_beyond_chance(monkeypatch, angle, weight, found
 
 @pytest.mark.parametrize(('weight', 'found'), [(7.6, True), (7.4, False)])
 def test_axes_are_swapped_if_that_explains_more_than_chance(monkeypatch, weight, found):
-    monkeypatch.setattr(mounting, 'exchanged', lambda case, name, order, gain: (order, gain))
+    monkeypatch.setattr(mounting, 'axes_exchanged', lambda case, name, order, gain: (order, gain))
     swap = np.eye(3)[[0, 2, 1]]
     findings = mounting._find_swap(vector(swap, weight, 3), 's', 3)
     assert findings == ([((0, 2, 1), pytest.approx(4.0 * weight))] if found else [])

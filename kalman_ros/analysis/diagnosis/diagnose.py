@@ -23,6 +23,7 @@ from . import (
     bias,
     common_noise,
     contradicted_parameters,
+    exchanged,
     first_belief,
     frozen,
     gates,
@@ -60,9 +61,9 @@ PLAIN: Sequence[Detector] = (
 )  # fmt: skip
 #: Detectors of findings in the innovations of a filter.
 FITTED: Sequence[Detector] = (
-    units.find, mounting.find, unrelated.find, outliers.find, lateness.hidden, lag.find, bias.find,
-    inputs.find, input_axes.find, contradicted_parameters.find, first_belief.find,
-    noise_levels.find, lever_arms.find, stretch.find,
+    units.find, mounting.find, exchanged.find, unrelated.find, outliers.find, lateness.hidden,
+    lag.find, bias.find, inputs.find, input_axes.find, contradicted_parameters.find,
+    first_belief.find, noise_levels.find, lever_arms.find, stretch.find,
 )  # fmt: skip
 #: Detectors of findings that hold from the first seconds on.
 SIMPLE: Sequence[Detector] = (

@@ -10,11 +10,11 @@ from math import log, pi
 
 import numpy as np
 
-from . import input_axes
+from . import exchanged, input_axes
 from .examination import CHANCE, Examination
 from .finding import Finding
 from .left_out import left_out
-from .mounting import best_rotation, exchanged, nearest_rotation, turned, vectors, within
+from .mounting import axes_exchanged, best_rotation, nearest_rotation, turned, vectors, within
 from .passage import Passage, explained, passage
 from .units import conversions, groups, mixed, scaled
 
@@ -119,8 +119,9 @@ def _candidates(case: Examination) -> Iterator[Finding]:
             for factor in dict.fromkeys((*usual, *_by_size(case, name, group, sensible))):
                 yield scaled(case, name, group, factor, 0.0, 0.0)
         if space.size == 2:
-            yield exchanged(case, name, (1, 0), 0.0)
+            yield axes_exchanged(case, name, (1, 0), 0.0)
         yield from _rotation_findings(case, name)
+    yield from exchanged.candidates(case)
     yield from _input_candidates(case)
 
 

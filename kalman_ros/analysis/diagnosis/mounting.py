@@ -63,10 +63,10 @@ def _find_swap(case: Examination, name: str, size: int) -> list[Finding]:
             best, best_gain = order, gain
     if best is None:
         return []
-    return [exchanged(case, name, best, best_gain)]
+    return [axes_exchanged(case, name, best, best_gain)]
 
 
-def exchanged(case: Examination, name: str, order: tuple[int, ...], gain: float) -> Finding:
+def axes_exchanged(case: Examination, name: str, order: tuple[int, ...], gain: float) -> Finding:
     """Return the finding that the axes of a sensor have another order."""
     names = case.evidence.scenario.sensors[name].sensor.output.names
     M = np.eye(len(order))[list(order)]

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Two sensors whose readings are exchanged: left and right wheels, or two beacons."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from .examination import CHANCE, Examination
+from .finding import Finding
+from .noise_levels import innovations
+
+#: The largest number of pairs that are tried, of those whose readings fit worst.
+_PAIRS = 3
+
+
+def find(case: Examination) -> list[Finding]:
+    """Return the pairs of which each one's readings fit the predictions of the other."""
+    findings = []
+    for one, other in _alike(case):
+        gain = _gain_of(case, one, other) + _gain_of(case, other, one)
+        if gain > CHANCE:
+            findings.append(exchanged(case, one, other, gain))
+    return sorted(findings, key=lambda finding: -finding.gain)[:_PAIRS]
+
+
+def candidates(case: Examination) -> Iterator[Finding]:
+    """Yield the pairs that fit worst, for a lost filter, whose predictions mean nothing."""
+    squares = {name: float(case.passage.squares(name).mean()) for name in case.judged}
+    pairs = sorted(_alike(case), key=lambda pair: -min(squares[name] for name in pair))
+    for one, other in pairs[:_PAIRS]:
+        yield exchanged(case, one, other, 0.0)
+
+
+def _alike(case: Examination) -> Iterator[tuple[str, str]]:
+    """Yield the pairs of sensors whose readings have the same units."""
+    sources = case.evidence.scenario.sensors
+    for one, other in combinations(case.judged, 2):
+        if sources[one].sensor.output.units == sources[other].sensor.output.units:
+            yield one, other
+
+
+def _gain_of(case: Examination, name: str, other: str) -> float:
+    """Return the reduction of the misfit if readings of a sensor are those of another one."""
+    sensor = case.evidence.scenario.sensors[other].sensor
+    events = [case.passage.events[i] for i in case.passage.of(name)]
+    read = case.evidence.sensors[name].value[[event.index for event in events]]
+    nu = sensor.output.subtract(read, sensor.measure(np.array([event.x for event in events])))
+    after = sum(float(np.sum((event.white @ each) ** 2)) for event, each in zip(events, nu))
+    return float(case.passage.squares(name).sum()) - after
+
+
+def exchanged(case: Examination, one: str, other: str, gain: float) -> Finding:
+    """Return the finding that two sensors are exchanged."""
+    evidence, sources = case.evidence, case.evidence.scenario.sensors
+    topics = {name: sources[name].signal.topic for name in (one, other)}
+    change: dict[str, Any] = {}
+    if topics[one] != topics[other]:
+        change = {f'{one}.topic': topics[other], f'{other}.topic': topics[one]}
+    swapped = evidence.with_sensor(one, evidence.sensors[other])
+    swapped = swapped.with_sensor(other, evidence.sensors[one])
+    return Finding(
+        'swapped', one,
+        f'readings of {one} and {other} are exchanged: each fit what is expected of the other. '
+        'Exchange their topics, cables or addresses.',
+        gain**0.5, change, gain=gain, figure=innovations(case, one, 0), mended=lambda: swapped,
+    )  # fmt: skip
