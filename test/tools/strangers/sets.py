@@ -6,6 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from . import recordings
+from .fifth import recordings as fifth
 from .fourth import recordings as fourth
 from .real import recordings as real
 from .recordings import Recording
@@ -18,6 +19,7 @@ SETS: dict[str, dict[str, Recording]] = {
     'second': second.RECORDINGS,
     'third': third.RECORDINGS,
     'fourth': fourth.RECORDINGS,
+    'fifth': fifth.RECORDINGS,
     'real': real.RECORDINGS,
 }
 #: The recordings of all sets.
@@ -29,6 +31,8 @@ RECORDINGS: dict[str, Recording] = {
 def write(name: str, folder: str | Path) -> None:
     """Write the two files of a recording of any set into a new or an empty folder."""
     writer = next(
-        each for each in (recordings, second, third, fourth, real) if name in each.RECORDINGS
+        each
+        for each in (recordings, second, third, fourth, fifth, real)
+        if name in each.RECORDINGS
     )
     writer.write(name, folder)
