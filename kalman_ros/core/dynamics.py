@@ -79,6 +79,11 @@ class Dynamics(ABC):
         """Operating point at which the model rests without noise; the origin by default."""
         return OperatingPoint(np.zeros(self.state.size), np.zeros(self.input.size))
 
+    @property
+    def input_scale(self) -> tuple[float, ...]:
+        """True values of the input by those of its readings (m,); empty where they are alike."""
+        return ()
+
     @abstractmethod
     def noise_density(self, x: Array) -> Array:
         """Return the spectral density W (n, n) of the process noise at ``x`` (n,)."""

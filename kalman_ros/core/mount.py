@@ -42,6 +42,8 @@ class Mounting(NamedTuple):
     place
         Place of a sensor whose readings are the input: forward, left and up of the centre of the
         body, in m.
+    scale
+        True values of the input by those of its readings, by field; 1 where it is empty.
     """
 
     rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -51,6 +53,7 @@ class Mounting(NamedTuple):
     from_tf: bool = False
     heading: float = 0.0
     place: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    scale: tuple[float, ...] = ()
 
     @property
     def turned(self) -> bool:

@@ -70,6 +70,11 @@ class Inertial(Model):
         force = self._gravity / self._accelerometer_scale
         return OperatingPoint(np.zeros(15), np.concatenate((np.zeros(3), force)))
 
+    @property
+    def input_scale(self) -> tuple[float, ...]:
+        """The scales of gyro and accelerometer."""
+        return (self._gyro_scale,) * 3 + (self._accelerometer_scale,) * 3
+
     def derivative(self, x: Array, u: Array) -> Array:
         """Return velocity, angular rate and acceleration in the world; the biases decay."""
         R = so3.exp(x[..., _R])

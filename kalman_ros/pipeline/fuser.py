@@ -114,6 +114,7 @@ class Fuser:
         self.online.configure(estimation.filter, estimation.sensors, estimation.policy)
         self.scenario, self.arithmetic = scenario, estimation.arithmetic
         self.observability.configure(scenario)
+        self.input.configure(scenario.input)
 
     def fuse(self, received: Iterable[Received], now: int | None = None) -> list[Fused]:
         """Fuse messages received by ``now``, and return the readings with their outcomes."""

@@ -91,6 +91,7 @@ class Mounts:
         angles, reported = so3.to_euler(placement.rotation).tolist(), signal.mounting
         place = placement.translation.tolist()
         mount = mounting(angles, reported.convention, frame, place).at(place)
+        mount = mount._replace(scale=reported.scale)
         self._input = frame or self._base, placement
         return replace(signal, mounting=mount)
 

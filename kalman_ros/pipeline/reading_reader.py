@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from math import isfinite
 from typing import Any, NamedTuple
@@ -191,7 +192,7 @@ class InputReader:
         warn: Callable[[str], object] = str,
         mounts: Mounts | None = None,
     ) -> None:
-        self._read = InputDecoder(signal)
+        self._signal, self._read = signal, InputDecoder(signal)
         #: Mounting of the sensor whose readings are the input, until its place is known.
         self._mounts = mounts if signal.mounting.from_tf else None
         self.message_type: Any = self._read.message_type
@@ -221,8 +222,15 @@ class InputReader:
             signal = self._mounts.mount_input(self._guard.frame)
         except ValueError as error:
             raise UnusableInputError(Outcome.NO_TRANSFORM, str(error)) from None
-        self._read, self._mounts = InputDecoder(signal), None
+        self._signal, self._read, self._mounts = signal, InputDecoder(signal), None
         return self._read(data)
+
+    def configure(self, signal: Signal) -> None:
+        """Use the scale of a signal that was changed live; its names are the same."""
+        before, scale = self._signal.mounting, signal.mounting.scale
+        if scale != before.scale:
+            self._signal = replace(self._signal, mounting=before._replace(scale=scale))
+            self._read = InputDecoder(self._signal)
 
 
 class SensorReader:

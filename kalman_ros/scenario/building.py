@@ -105,7 +105,7 @@ def assemble(full: Mapping[str, Any], *, with_law: bool = True) -> Scenario:
         model=model,
         sensors=sources,
         state=state,
-        input=_input(parts.get('input', {}), m) if m else system.input,
+        input=_input(parts.get('input', {}), m, model.input_scale) if m else system.input,
         rate=rate,
         initial_state=vector('initial_state', full['initial_state'], n),
         initial_belief=Gaussian(
@@ -272,14 +272,14 @@ def placed(
     return replace(source, timed=replace(source.timed, sensor=sensor), signal=signal)
 
 
-def _input(given: dict[str, Any], size: int) -> Signal:
+def _input(given: dict[str, Any], size: int, scale: tuple[float, ...]) -> Signal:
     """Return the signal of the input, whose axes may be turned against the body's."""
     rotation, convention = given.pop('mount.rotation'), given.pop('convention')
     place, frame, from_tf = (given.pop(key) for key in ('mount.translation', 'frame', 'mount.tf'))
     signal = _signal('input', given, size)
     try:
         mount = mounting(rotation, convention, frame, place, from_tf)
-        signal = replace(signal, mounting=mount.at(place))
+        signal = replace(signal, mounting=mount.at(place)._replace(scale=scale))
         if any(place) and at_centre(signal) is None:
             listed = ', '.join(signal.fields) or 'none'
             raise ValueError(

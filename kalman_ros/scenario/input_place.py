@@ -26,7 +26,8 @@ class InputPlace:
     and earlier ones have not yet accounted for, while they were held, by the time that it is
     expected to be held. So w' adds up to the change of the rate, whatever the intervals, and its
     noise in a velocity stays near r times that of the rate. A rate that is not among the fields is
-    0, and so is w' without stamps, and until the intervals are known.
+    0, and so is w' without stamps, and until the intervals are known. Readings with a scale stay
+    those of their sensor: w has the scale of the rates, and what is added is divided by its own.
 
     Parameters
     ----------
@@ -46,6 +47,7 @@ class InputPlace:
         self._rates, self._velocities, self._accelerations = map(
             of, (RATE, VELOCITY, ACCELERATION)
         )
+        self._scale = np.array(signal.mounting.scale or [1.0] * len(found))
         self._last = 0
         #: The rate up to which held readings have accounted for its change.
         self._reached: Array | None = None
@@ -67,13 +69,13 @@ class InputPlace:
 
     def _moved(self, time: int | None, values: Array, sign: float) -> Array:
         rate = np.zeros(3)
-        rate[self._rates[1]] = values[self._rates[0]]
+        rate[self._rates[1]] = (self._scale * values)[self._rates[0]]
         self._follow(time, rate)
         swung = cross(rate, self._place)
         drawn = cross(self._turning, self._place) + cross(rate, swung)
         moved: Array = values.copy()
         for (index, axes), change in ((self._velocities, swung), (self._accelerations, drawn)):
-            moved[index] += sign * change[axes]
+            moved[index] += sign * change[axes] / self._scale[index]
         return moved
 
     def _follow(self, time: int | None, rate: Array) -> None:

@@ -8,10 +8,12 @@ import pytest
 from thorough import thorough
 
 import kalman_ros as kr
+from kalman_ros.codecs.layout import Sample
 from kalman_ros.core import Signal
 from kalman_ros.core import rotations as so3
 from kalman_ros.core.mount import mounting
 from kalman_ros.models.inertial import Inertial
+from kalman_ros.pipeline.reading_reader import InputReader
 from kalman_ros.scenario.input_place import InputPlace, at_centre
 
 PLACE, ORIGIN = (0.4, -0.3, 0.2), (0.0, 0.0, 0.0)
@@ -48,6 +50,39 @@ def test_the_centre_of_a_body_that_rocks_does_not_accelerate():
     # what is left is half a step of the angular jerk
     assert np.abs(errors[9:]).max() < 0.5 * 0.005 * 0.6 * 9.0
     assert np.abs([at_place(*wobble(k * 0.005)) for k in range(400)]).max() > 0.6
+
+
+def scaled(gyro, accelerometer, place=PLACE):
+    """Return the signal of the input of an inertial scenario with scales and a place."""
+    parameters = {
+        'model_parameters.gyro_scale': gyro,
+        'model_parameters.accelerometer_scale': accelerometer,
+        'input.mount.translation': list(place),
+    }
+    return kr.load('inertial', parameters).input
+
+
+@pytest.mark.parametrize(('gyro', 'accelerometer'), [(1.1, 1.0), (1.0, 0.95), (0.7, 1.3)])
+def test_readings_with_a_scale_move_as_what_they_stand_for(gyro, accelerometer):
+    true, read = InputPlace(signal()), at_centre(scaled(gyro, accelerometer))
+    away = at_centre(scaled(gyro, accelerometer))
+    scale = np.repeat((gyro, accelerometer), 3)
+    for k in range(40):
+        w, turning = wobble(k * 0.005)
+        u, time = np.concatenate((w, at_place(w, turning))), SECOND + k * 5 * MILLISECOND
+        found = read(time, u / scale)
+        np.testing.assert_allclose(scale * found, true(time, u), rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(away.away(time, found), u / scale, rtol=1e-12, atol=1e-12)
+
+
+def test_a_scale_that_is_changed_live_counts_at_once():
+    reader = InputReader(scaled(1.0, 1.0))
+    for gyro in (1.0, 1.2):
+        reader.configure(scaled(gyro, 1.0))
+        sample = Sample(0, np.array([0.0, 0.0, 0.5, 0.0, 0.0, 0.0]), None)
+        w = 0.5 * gyro
+        expected = -w * w * np.array([-PLACE[0], -PLACE[1], 0.0])
+        np.testing.assert_allclose(reader._read.moved(sample).values[3:], expected, rtol=1e-12)
 
 
 @pytest.mark.slow
