@@ -152,10 +152,18 @@ class Origin:
 
     def __init__(self, datum: Place | None = None) -> None:
         self.plane = None if datum is None else TangentPlane(datum)
+        #: Whether the last fix has become the datum.
+        self.is_new = False
 
     def at(self, first: Place) -> TangentPlane:
         """Return the plane; without a datum, ``first`` becomes the datum."""
         if self.plane is None:
             known = first if isfinite(first.altitude) else first._replace(altitude=0.0)
-            self.plane = TangentPlane(known)
+            self.plane, self.is_new = TangentPlane(known), True
         return self.plane
+
+    def settle(self, *, good: bool) -> None:
+        """Keep the datum of the last fix if that is ``good``, otherwise forget it."""
+        self.is_new = False
+        if not good:
+            self.plane = None

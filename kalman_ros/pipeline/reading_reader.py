@@ -17,11 +17,12 @@ from kalman_ros.codecs.layout import Sample
 from kalman_ros.codecs.messages import FRAME_START, leading_stamp
 from kalman_ros.codecs.signal_codecs import codec_of
 from kalman_ros.codecs.wire import WireReader
-from kalman_ros.core import Array, Signal
+from kalman_ros.core import Array, Signal, is_finite
 from kalman_ros.core.geodesy import Origin
 from kalman_ros.estimators.consistency import ChiSquareWindow
 from kalman_ros.estimators.filter import Correction
 from kalman_ros.estimators.outcome import Outcome
+from kalman_ros.linear.single import is_definite
 from kalman_ros.scenario import SensorSource
 
 from .frame_guard import FrameGuard
@@ -81,7 +82,7 @@ class ReadingReader:
         self._still = None if signal.still is None else StillWatch(signal, signal.still)
         self._change = None if signal.pose == 'absolute' else PoseChange(signal)
         read = signal if self._change is None else whole_pose(signal)
-        self._read = WireReader(codec_of(read, origin=origin))
+        self._read, self._origin = WireReader(codec_of(read, origin=origin)), origin
         self.message_type = self._read.message_type
         self._guard = FrameGuard(signal, self.message_type, frames, warn)
         self._offset = signal.stamp_offset
@@ -102,6 +103,8 @@ class ReadingReader:
             If the bytes are not those of such a message.
         """
         reading = self._decoded(data, source)
+        if self._origin is not None and self._origin.is_new:
+            self._origin.settle(good=_is_usable(reading))
         # a stamp of zero means that there is no stamp
         if self._offset and reading.time:
             return reading._replace(time=reading.time + self._offset)
@@ -152,6 +155,13 @@ class ReadingReader:
         """Return a reading that cannot be used, and keep the reason."""
         self.trouble = str(why)
         return Reading(time, np.empty(0), None, outcome)
+
+
+def _is_usable(reading: Reading) -> bool:
+    """Return whether an estimator can use a reading: the first such fix is the datum."""
+    R = reading.covariance
+    sound = R is None or (is_finite(R) and is_definite(R))
+    return reading.refused is None and is_finite(reading.values) and sound
 
 
 class UnusableInputError(ValueError):

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The estimator with a satellite receiver: datum, fixes out, and fixes that are none."""
 
+from collections import Counter
+from time import monotonic
+
 import numpy as np
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -10,6 +13,7 @@ from kalman_ros.codecs.fixes import place_of
 from kalman_ros.codecs.messages import decode, write_stamp
 from kalman_ros.core.geodesy import Place, TangentPlane
 from kalman_ros.estimators.outcome import Outcome
+from kalman_ros.nodes.estimator import channel
 from kalman_ros.nodes.estimator.node import EstimatorNode
 from kalman_ros.scenario import shipped
 
@@ -66,6 +70,45 @@ def test_the_first_good_fix_is_the_datum_and_is_published_for_all_who_ask_later(
     found.until(messages, 'no datum')
     assert place_of(messages()[0]) == pytest.approx(DATUM)
     assert 'datum: [49.872800000, 8.651200000, 144.0000]' in file.read_text()
+
+
+def test_a_receiver_that_has_lost_its_fix_is_a_problem(started, monkeypatch):
+    found = started(**FIRST_FIX)
+    send = found.publisher(NavSatFix, 'fix')
+    counts, later = found.node._online.counts['gnss'], 0.0
+    monkeypatch.setattr(channel, 'monotonic', lambda: monotonic() + later)
+    send.publish(fix(found, (0.0, 0.0, 0.0)))
+    found.until(lambda: counts[Outcome.FUSED] == 1, 'the fix is not fused')
+    for number, problem in ((1, False), (2, True)):
+        found.node.report()
+        later += 2.0
+        send.publish(fix(found, (0.0, 0.0, 0.0), status=-1))
+        found.until(lambda n=number: counts[Outcome.NO_FIX] == n, 'it is not counted')
+        found.node.report()
+        why = found.node._health._unused(found.node.scenario.sensors)
+        assert why == ('no reading is used: of gnss dropped: no position fix' if problem else '')
+    send.publish(fix(found, (0.1, 0.0, 0.0)))
+    found.until(lambda: counts[Outcome.FUSED] == 2, 'the second fix is not fused')
+    found.node.report()
+    assert found.node._health._unused(found.node.scenario.sensors) == ''
+
+
+def test_readings_that_are_set_aside_as_intended_are_no_problem(monkeypatch):
+    now = 0.0
+    monkeypatch.setattr(channel, 'monotonic', lambda: now)
+    for outcome, why in (
+        (Outcome.MOVING, ''),
+        (Outcome.REJECTED, 'rejected: outside the gate'),
+        (Outcome.FUSED, ''),
+    ):
+        counts = Counter()
+        use = channel.Use()
+        for _ in range(20):
+            now += 1.0
+            counts[outcome] += 1
+            use.count(counts)
+        assert use.problem(1.0) == why
+    assert use.problem(1e-3) == ''
 
 
 def test_a_kept_datum_is_used_again(started, tmp_path):

@@ -8,10 +8,14 @@ import pytest
 
 pytest.importorskip('rclpy')
 
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import NavSatFix
+
 from kalman_ros import scenario
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireWriter
 from kalman_ros.core import Signal
+from kalman_ros.core.geodesy import Origin
 from kalman_ros.pipeline.reading_reader import ReadingReader
 
 CONFIGURED = 0.05**2
@@ -49,6 +53,45 @@ def test_a_covariance_of_zeros_is_unknown():
         data = WireWriter(SignalCodec(source.signal))(1, np.zeros(2), carried)
         found = ReadingReader(source.signal)(data, source).covariance
         np.testing.assert_allclose(found, used)
+
+
+def fix(latitude, covariance, kind=2, altitude=100.0):
+    message = NavSatFix(latitude=latitude, longitude=20.0, altitude=altitude)
+    message.status.status = 0
+    message.position_covariance = list(np.ravel(covariance))
+    message.position_covariance_type = kind
+    return bytes(serialize_message(message))
+
+
+@pytest.mark.parametrize(
+    ('fields', 'covariance', 'altitude'),
+    [
+        (('east', 'north'), np.full(9, np.nan), 100.0),
+        (('east', 'north'), np.full(9, -1.0), 100.0),
+        (('east', 'north', 'up'), np.eye(3), np.nan),
+    ],
+)
+def test_a_fix_that_cannot_be_used_is_no_datum(fields, covariance, altitude):
+    source = scenario.build(
+        {
+            'model': 'constant_velocity' if len(fields) == 2 else 'robot_3d',
+            'sensors': ['gnss'],
+            'gnss.kind': 'states',
+            'gnss.measures': ['x', 'y', 'z'][: len(fields)],
+            'gnss.noise': [1.0] * len(fields),
+            'gnss.type': 'sensor_msgs/NavSatFix',
+            'gnss.fields': list(fields),
+        }
+    ).sensors['gnss']
+    origin = Origin()
+    read = ReadingReader(source.signal, origin)
+    read(fix(10.0, covariance, altitude=altitude), source)
+    assert origin.plane is None
+    found = read(fix(11.0, np.eye(3)), source)
+    np.testing.assert_allclose(found.values, 0.0, atol=1e-9)
+    assert origin.plane.datum == (11.0, 20.0, 100.0)
+    read(fix(12.0, covariance, altitude=altitude), source)
+    assert origin.plane.datum == (11.0, 20.0, 100.0)
 
 
 @pytest.mark.parametrize(

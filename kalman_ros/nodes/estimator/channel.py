@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from math import inf, isfinite
+from time import monotonic
 from typing import Any
 
 from kalman_ros.core import Signal
@@ -22,6 +24,8 @@ from .publisher import InnovationPublisher
 
 #: A sensor is silent after N seconds without a reading, or M of its intervals.
 _SILENCE, _INTERVALS = 1.0, 5.0
+#: Readings of which none is used are a problem after N seconds, or after M intervals as well.
+_UNUSED = 3.0
 #: Seconds by which stamps may be ahead of the clock: a simulated one ticks coarsely.
 _AHEAD = 0.1
 #: The most messages taken at once, in a few milliseconds. Of more, the oldest are dropped.
@@ -50,6 +54,36 @@ class InputChannel(Subscribed, InputReader):
     """Reads the known input from its topic."""
 
 
+class Use:
+    """Whether readings of a sensor are used, and why they are not."""
+
+    #: Outcomes of readings that are set aside as intended.
+    _INTENDED = (Outcome.MOVING, Outcome.SWITCHED_OFF, Outcome.FIRST_POSE)
+
+    def __init__(self) -> None:
+        self._counts: Counter[Outcome] = Counter()
+        #: Time, by the steady clock, up to which some reading was used, or there was none.
+        self._used = monotonic()
+        self._why = ''
+
+    def count(self, counts: Mapping[Outcome, int]) -> None:
+        """Take the outcomes of all readings so far."""
+        new = Counter(counts)
+        new.subtract(self._counts)
+        self._counts = Counter(counts)
+        new = +new
+        wanted = {outcome: n for outcome, n in new.items() if outcome not in self._INTENDED}
+        if not wanted or any(outcome.accepted for outcome in new):
+            self._used, self._why = monotonic(), ''
+        else:
+            self._why = max(wanted, key=lambda outcome: wanted[outcome]).value
+
+    def problem(self, rate: float) -> str:
+        """Return why no reading has been used for too long, at its rate in Hz; '' otherwise."""
+        unused = monotonic() - self._used > max(_UNUSED, _INTERVALS / rate)
+        return self._why if unused else ''
+
+
 class SensorChannel(Subscribed, SensorReader):
     """Reads a sensor's topic, publishes its innovations, and measures how it goes."""
 
@@ -65,7 +99,7 @@ class SensorChannel(Subscribed, SensorReader):
         own = node.options.frame, node.options.child_frame
         super().__init__(name, source, origin, own, node.get_logger().warning, mounts)
         self._publish = InnovationPublisher(node, state, name, source.sensor.output)
-        self.rate = Rate()
+        self.rate, self.use = Rate(), Use()
         #: From the stamp of a reading to the publication of its estimate.
         self.age = Latency()
         #: By how many seconds every reading since the last report was ahead of the clock.
@@ -92,6 +126,7 @@ class SensorChannel(Subscribed, SensorReader):
         # a single stamp proves nothing about a clock: the least lead of all does
         self.ahead = self._lead if _AHEAD < self._lead < inf else 0.0
         self._lead = inf
+        self.use.count(counts)
         values: dict[str, Any] = {f'{name}: readings': sum(counts.values())}
         values.update({f'{name}: {outcome.value}': count for outcome, count in counts.items()})
         if self.trouble:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Set
+from collections.abc import Callable, Mapping, Set
 from math import sqrt
 from typing import Any
 
@@ -12,7 +12,7 @@ from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.nodes.middleware.diagnostics import Level, Report
 from kalman_ros.nodes.middleware.meters import Latency
 from kalman_ros.pipeline.fuser import Fuser
-from kalman_ros.scenario import Scenario
+from kalman_ros.scenario import Scenario, SensorSource
 
 
 class Health:
@@ -76,6 +76,8 @@ class Health:
             wrong = self._unstarted()
         if not wrong and silent and not lockstep:
             wrong = f'no readings of {" and ".join(silent)} received'
+        if not wrong and not lockstep:
+            wrong = self._unused(sources)
         if not wrong and online.contradicting:
             wrong = f'{" and ".join(online.contradicting)} contradicts the sensors that agree'
         if not wrong and doubtful:
@@ -96,6 +98,16 @@ class Health:
             self._warn(words)
         self._ahead = ahead.keys()
         return words
+
+    def _unused(self, sources: Mapping[str, SensorSource]) -> str:
+        """Return the sensors of which no reading is used, with the reason."""
+        unused = {
+            name: why
+            for name, channel in self._fuser.channels.items()
+            if (why := channel.use.problem(sources[name].timed.rate))
+        }
+        reasons = ', '.join(f'of {name} {why}' for name, why in unused.items())
+        return f'no reading is used: {reasons}' if unused else ''
 
     def _unstarted(self) -> str:
         """Return why there is no estimate yet."""
