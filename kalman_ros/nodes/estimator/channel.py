@@ -62,7 +62,7 @@ class Use:
 
     def __init__(self) -> None:
         self._counts: Counter[Outcome] = Counter()
-        #: Time, by the steady clock, up to which some reading was used, or there was none.
+        #: Time, by the steady clock, at which some reading was used, or set aside as intended.
         self._used = monotonic()
         self._why = ''
 
@@ -73,9 +73,9 @@ class Use:
         self._counts = Counter(counts)
         new = +new
         wanted = {outcome: n for outcome, n in new.items() if outcome not in self._INTENDED}
-        if not wanted or any(outcome.accepted for outcome in new):
+        if any(outcome.accepted for outcome in new) or (new and not wanted):
             self._used, self._why = monotonic(), ''
-        else:
+        elif wanted:
             self._why = max(wanted, key=lambda outcome: wanted[outcome]).value
 
     def problem(self, rate: float) -> str:
