@@ -15,7 +15,7 @@ from kalman_ros.estimators.diffuse import Diffuse
 from kalman_ros.pipeline.frames import STATIC, TF, Frames
 from kalman_ros.pipeline.fuser import Fused, Fuser, Received
 from kalman_ros.pipeline.fusion import fusion
-from kalman_ros.pipeline.initial_pose import POSES, PoseReader
+from kalman_ros.pipeline.initial_pose import POSES, SHARED, PoseReader
 from kalman_ros.pipeline.intake import Intake
 from kalman_ros.pipeline.lockstep_fuser import LockstepFuser
 from kalman_ros.pipeline.mounts import Mounts
@@ -155,10 +155,10 @@ class Feed:
         elif self.settings.simulated_time:
             self.notes.append(f'The recording has no {CLOCK}: messages come when recorded.')
         pose = full_type('geometry_msgs/PoseWithCovarianceStamped')
-        for topic in map(resolve, POSES):
-            if bag.topics.get(topic) == {pose}:
-                self._take[topic] = self._on_pose
-        if self._on_pose in self._take.values():
+        posed = [name for name in POSES if bag.topics.get(resolve(name)) == {pose}]
+        for name in posed:
+            self._take[resolve(name)] = partial(self._on_pose, name)
+        if posed:
             self._look_at_frames(bag)
 
     def _look_at_frames(self, bag: Bag) -> None:
@@ -167,7 +167,8 @@ class Feed:
             if bag.topics.get(topic) != {full_type(TYPE)}:
                 continue
             takers = [self._take[topic]] if topic in self._take else []
-            self._take[topic] = partial(_call_all, [*takers, self._frames.add])
+            add = partial(self._frames.add, moving=topic == TF)
+            self._take[topic] = partial(_call_all, [*takers, add])
 
     def _use(self, scenario: Scenario) -> None:
         """Continue with a sensor whose mounting is known now."""
@@ -224,12 +225,12 @@ class Feed:
             self.fuser.restart()
         self._now = clock
 
-    def _on_pose(self, data: bytes) -> None:
+    def _on_pose(self, name: str, data: bytes) -> None:
+        initial, shared = self.settings.scenario.believed.initial, name == SHARED
         try:
-            initial = self.settings.scenario.believed.initial
-            belief = self._read_pose(data, initial, self._frames)
+            belief = self._read_pose(data, initial, self._frames, shared=shared)
         except ValueError as error:
-            self.notes.append(f'initialpose: {error}')
+            self.notes.append(f'{name}: {error}')
             return
         self.fuser.reset(belief)
 

@@ -56,11 +56,15 @@ class Frames:
 
     def __init__(self) -> None:
         self._parents: dict[str, tuple[str, Placement]] = {}
+        #: Frames whose transform is on ``/tf``, where it is published again and again.
+        self._moving: set[str] = set()
         #: Frames whose last transform cannot be used.
         self.refused: set[str] = set()
 
-    def add(self, data: bytes) -> None:
+    def add(self, data: bytes, *, moving: bool = False) -> None:
         """Add the transforms in a message, except any that is not finite or not a rotation.
+
+        Those of ``/tf`` are ``moving``, those of ``/tf_static`` are not.
 
         Raises
         ------
@@ -75,6 +79,16 @@ class Frames:
             elif child in self._parents or len(self._parents) < _MOST_FRAMES:
                 self.refused.discard(child)
                 self._parents[child] = transform.parent, placement_of(transform)
+                (self._moving.add if moving else self._moving.discard)(child)
+
+    def moves_in(self, frame: str, outer: str) -> bool:
+        """Return whether ``frame`` is moved within ``outer`` by another node, as by AMCL."""
+        moved = False
+        for name, _ in self._above(frame):
+            if name == outer:
+                return moved
+            moved |= name in self._moving
+        return False
 
     def placement(self, frame: str, base: str) -> Placement | None:
         """Return the placement of ``frame`` in ``base``; None if no transforms connect them."""

@@ -15,8 +15,10 @@ from kalman_ros.scenario.body_roles import body_of
 
 from .frames import Frames, Placement
 
+#: The topic of RViz, which all nodes that can be placed share.
+SHARED = 'initialpose'
 #: The topics of poses: of RViz, and of users of robot_localization.
-POSES = 'initialpose', 'set_pose'
+POSES = SHARED, 'set_pose'
 #: The one of this estimator alone.
 OWN_POSE = '~/set_pose'
 _TYPE = 'geometry_msgs/PoseWithCovarianceStamped'
@@ -43,6 +45,19 @@ class ForeignFrameError(ValueError):
     def __init__(self, expected: str, frame: str) -> None:
         super().__init__(f"expected frame '{expected}', or one with a transform, got '{frame}'")
         self.frame = frame
+
+
+class OthersPoseError(ValueError):
+    """A pose is for the node that places the frame of these estimates in that of the pose.
+
+    Parameters
+    ----------
+    expected, frame
+        Frame of the estimates, and that of the pose.
+    """
+
+    def __init__(self, expected: str, frame: str) -> None:
+        super().__init__(f"left to the node that places '{expected}' in '{frame}' on /tf")
 
 
 class PoseReader:
@@ -84,22 +99,30 @@ class PoseReader:
         self._read = WireReader(codec)
         self.message_type = codec.message_type
 
-    def __call__(self, data: bytes, initial: Gaussian, frames: Frames | None = None) -> Gaussian:
+    def __call__(
+        self, data: bytes, initial: Gaussian, frames: Frames | None = None, *, shared: bool = False
+    ) -> Gaussian:
         """Return the ``initial`` belief with the pose and its covariance.
 
-        A pose in another frame is transformed by what is known of ``frames``.
+        A pose in another frame is transformed by what is known of ``frames``. One on a ``shared``
+        topic, in a frame in which another node moves this one, is for that node: the odometry of
+        a robot goes on smoothly while AMCL is placed (REP-105).
 
         Raises
         ------
         ForeignFrameError
             If the pose is in a frame whose place is not known.
+        OthersPoseError
+            If the pose is for another node.
         ValueError
             If the state has no pose, or the pose is not finite, or its covariance is not definite.
         """
         with np.errstate(all='ignore'):  # of numbers that are refused
-            return self._belief(data, initial, frames)
+            return self._belief(data, initial, frames, shared)
 
-    def _belief(self, data: bytes, initial: Gaussian, frames: Frames | None) -> Gaussian:
+    def _belief(
+        self, data: bytes, initial: Gaussian, frames: Frames | None, shared: bool
+    ) -> Gaussian:
         _, values, covariance = self._read(data)
         if not self._errors:
             raise ValueError('the state of this model has no pose')
@@ -109,6 +132,8 @@ class PoseReader:
             place = frames.placement(given, self._frame) if frames else None
             if place is None:
                 raise ForeignFrameError(self._frame, given)
+            if shared and frames and frames.moves_in(self._frame, given):
+                raise OthersPoseError(self._frame, given)
             values, covariance = moved(values, covariance, place)
         if not is_finite(values[3:]) and max(self._errors) > 2:
             raise ValueError('orientation: expected a quaternion that is a rotation, not of zeros')

@@ -105,7 +105,7 @@ def test_a_pose_in_another_frame_waits_for_its_transform(started):
     from tf2_msgs.msg import TFMessage
 
     found = started()
-    poses = found.publisher(PoseWithCovarianceStamped, 'initialpose')
+    poses = found.publisher(PoseWithCovarianceStamped, 'set_pose')
     others = found.publisher(TFMessage, '/tf')
     x = found.node.scenario.model.state.names.index('x')
     before = found.node.count_subscribers('/tf')
@@ -124,6 +124,12 @@ def test_a_pose_in_another_frame_waits_for_its_transform(started):
     poses.publish(pose_in('odom'))
     found.until(lambda: found.node._online.belief.mean[x] == pytest.approx(5.0), 'no reset')
     found.until(lambda: found.node.count_subscribers('/tf') == before, 'the search goes on')
+    # what RViz publishes for all is for the node that places odom in the map, such as AMCL
+    resets = found.node._fuser.resets
+    found.publisher(PoseWithCovarianceStamped, 'initialpose').publish(pose_in('map'))
+    found.until(lambda: found.node.count_subscribers('/tf') > before, 'no search')
+    found.until(lambda: placed() or found.node.count_subscribers('/tf') == before, 'no end')
+    assert found.node._fuser.resets == resets
 
 
 @pytest.mark.real_time

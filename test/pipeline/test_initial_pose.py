@@ -15,7 +15,7 @@ from kalman_ros import scenario
 from kalman_ros.core import Gaussian
 from kalman_ros.core import rotations as so3
 from kalman_ros.pipeline.frames import Frames, Placement
-from kalman_ros.pipeline.initial_pose import ForeignFrameError, PoseReader, moved
+from kalman_ros.pipeline.initial_pose import ForeignFrameError, OthersPoseError, PoseReader, moved
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import from_file
 
@@ -145,6 +145,27 @@ def frames(*placed):
     found = Frames()
     found.add(transforms(*placed))
     return found
+
+
+def test_a_shared_pose_is_left_to_the_node_that_moves_the_frame():
+    """AMCL, or a global estimator, moves odom in the map; a static transform moves nothing."""
+    found = scenario.build(from_file(shipped.file('robot_2d'), 'estimator'))
+    read, start = PoseReader(found, 'odom'), found.initial_belief
+    here = (1.0, 2.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+    known = Frames()
+    known.add(transforms(('map', 'odom', here)), moving=True)
+    known.add(transforms(('odom', 'base_link', here)), moving=True)
+    known.add(transforms(('earth', 'map', here)))
+    for frame in ('map', 'earth'):
+        data = rviz(3.0, -4.0, 0.5, frame)
+        with pytest.raises(OthersPoseError, match=f"places 'odom' in '{frame}' on /tf"):
+            read(data, start, known, shared=True)
+        read(data, start, known)  # on a topic of this node's, it counts
+    for frame in ('odom', 'base_link'):  # in this frame, or in one that moves within it
+        read(rviz(3.0, -4.0, 0.5, frame), start, known, shared=True)
+    known.add(transforms(('map', 'odom', here)))
+    read(rviz(3.0, -4.0, 0.5, 'map'), start, known, shared=True)
+    assert not known.moves_in('odom', 'nowhere')
 
 
 def test_a_pose_in_another_frame_is_transformed_with_its_covariance():

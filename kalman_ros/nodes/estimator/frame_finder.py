@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from kalman_ros.codecs.messages import message_type
@@ -51,7 +52,8 @@ class FrameFinder:
         self._then, self._frames = then, Frames()
         try:
             for topic, queue in ((TF_STATIC, STATIC), (TF, TRANSFORMS)):
-                found = node.create_subscription(kind, topic, self._on_tf, queue, raw=True)
+                take = partial(self._on_tf, topic)
+                found = node.create_subscription(kind, topic, take, queue, raw=True)
                 self._entities.append((node.destroy_subscription, found))
         except Exception as error:
             self.stop()
@@ -75,7 +77,8 @@ class FrameFinder:
             mute(entity)  # an executor may have queued it
             destroy(entity)
 
-    def _on_tf(self, data: bytes) -> None:
-        self._node.intake(TF, self._frames.add, data)
+    def _on_tf(self, topic: str, data: bytes) -> None:
+        add = partial(self._frames.add, moving=topic == TF)
+        self._node.intake(topic, add, data)
         if self._then(self._frames):
             self.stop()

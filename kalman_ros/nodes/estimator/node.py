@@ -28,7 +28,14 @@ from kalman_ros.pipeline.frames import Frames
 from kalman_ros.pipeline.fuser import Fused, Fuser
 from kalman_ros.pipeline.fusion import check_start, fusion
 from kalman_ros.pipeline.global_topics import uses_fixes
-from kalman_ros.pipeline.initial_pose import OWN_POSE, POSES, ForeignFrameError, PoseReader
+from kalman_ros.pipeline.initial_pose import (
+    OWN_POSE,
+    POSES,
+    SHARED,
+    ForeignFrameError,
+    OthersPoseError,
+    PoseReader,
+)
 from kalman_ros.pipeline.mounts import Mounts
 from kalman_ros.pipeline.named_state import StateReader
 from kalman_ros.pipeline.settings import Settings, estimator_extra
@@ -119,9 +126,10 @@ class EstimatorNode(runtime.ScenarioNode):
             self.create_subscription(self._static, TF_STATIC, self._on_static, STATIC, raw=True)
         self._finder = FrameFinder(self)
         self.at_the_end(self._finder.stop)
+        pose, shared = self._read_pose, partial(self._read_pose, shared=True)
         for topic in (*POSES, OWN_POSE):
-            take = self._take_belief(topic, self._read_pose)
-        self._take_belief('~/set_state', self._read_state)
+            take = self._take_belief(topic, pose.message_type, shared if topic == SHARED else pose)
+        self._take_belief('~/set_state', self._read_state.message_type, self._read_state)
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.create_service(SetBool, '~/toggle', self._on_toggle)
         self._answer_as_robot_localization(take)
@@ -175,7 +183,7 @@ class EstimatorNode(runtime.ScenarioNode):
                 self.create_service(kind, name, answer)
 
     def _take_belief(
-        self, topic: str, read: PoseReader | StateReader
+        self, topic: str, kind: Any, read: Callable[[bytes, Gaussian, Frames | None], Gaussian]
     ) -> Callable[[bytes], bool | None]:
         """Restart from the beliefs that a topic brings; return what takes a message of it."""
         name = topic.rpartition('/')[2]
@@ -188,6 +196,9 @@ class EstimatorNode(runtime.ScenarioNode):
                 if frames is not None:
                     return None
                 return self._look_for_frame(partial(take, data), f'{name}: {error}')
+            except OthersPoseError as error:
+                self.get_logger().info(f'{name}: {error}', throttle_duration_sec=1.0)
+                return True
             except ValueError as error:
                 self._fuser.warn(f'{name}: {error}')
                 return None if frames is None else False
@@ -201,7 +212,7 @@ class EstimatorNode(runtime.ScenarioNode):
             # of those that wait only the last one counts, and a flood must hold up nothing else
             self.intake.newest(found.topic_name, take, waiting(found, [data]))
 
-        found = self.create_subscription(read.message_type, topic, on_message, QUEUE, raw=True)
+        found = self.create_subscription(kind, topic, on_message, QUEUE, raw=True)
         return take
 
     def _look_for_frame(self, take: Callable[[Frames], bool | None], refusal: str) -> bool | None:
