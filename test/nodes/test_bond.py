@@ -75,6 +75,15 @@ def test_it_says_that_the_node_is_active_until_it_is_not(formed):
     assert node.sent == [True, True, False] and not node.said
 
 
+def test_a_manager_with_a_patience_of_nothing_is_not_silent_at_once(formed):
+    node, side, now = formed
+    for _ in range(40):
+        side.receive(manager(heartbeat_timeout=0.01))
+        now.seconds += 0.3
+        side.beat()
+    assert not node.said
+
+
 def test_a_manager_that_parts_is_answered_once(formed):
     node, side, now = formed
     side.receive(manager())

@@ -113,6 +113,27 @@ def test_in_space_a_whole_orientation_is_a_rotation_and_a_part_of_it_angles(tmp_
     np.testing.assert_allclose(angles, [0.1, 0.0], atol=1e-12)
 
 
+def test_a_number_behind_a_missing_one_is_read_by_neither(tmp_path):
+    values, rows = one(
+        tmp_path, 'imu0: imu', f'imu0_config: {config("wz")}', 'imu2: other',
+        f'imu2_config: {config("wz")}', 'odom0: odom', f'odom0_config: {config("vx")}',
+    )  # fmt: skip
+    assert [name for name in values['sensors'] if name.startswith('imu')] == ['imu0_rate']
+    assert 'there is no imu1' in rows['imu2'].what and not rows['imu2'].carried
+    assert not rows['imu2_config'].carried
+
+
+@pytest.mark.parametrize(('removes', 'carried'), [('true', False), ('false', True)])
+def test_in_the_plane_gravity_is_not_taken_out_of_an_acceleration(tmp_path, removes, carried):
+    key = 'imu0_remove_gravitational_acceleration'
+    _, rows = one(
+        tmp_path, 'two_d_mode: true', 'imu0: imu', f'imu0_config: {config("wz", "ax")}',
+        f'{key}: {removes}',
+    )  # fmt: skip
+    assert rows[key].carried is carried
+    assert ('tilt' in rows[key].what) is not carried
+
+
 def test_a_distance_becomes_the_probability_of_a_gate(tmp_path):
     values, rows = one(
         tmp_path, 'two_d_mode: true', 'imu0: imu', f'imu0_config: {config("wz")}', 'odom0: odom',

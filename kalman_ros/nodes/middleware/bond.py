@@ -13,12 +13,15 @@ from time import monotonic
 from typing import Any
 
 from kalman_ros.codecs.messages import message_type
+from kalman_ros.pipeline.throttle import Throttle
 
 from .host import Host
 
 TYPE, TOPIC = 'bond/Status', 'bond'
 #: Seconds between two messages, and after which the other side gives up: Nav2's defaults.
 PERIOD, TIMEOUT = 0.25, 4.0
+#: A manager that gives up sooner is not silent for that.
+_SOONEST = 1.0
 
 
 def has_type() -> bool:
@@ -44,7 +47,7 @@ class Bond:
     """
 
     def __init__(self, node: Host, name: str) -> None:
-        self._logger = node.get_logger()
+        self._warn = Throttle(node.get_logger().warning)
         kind = message_type(TYPE)
         self._message = kind(id=name, instance_id=urandom(16).hex(), active=True)
         self._message.heartbeat_period, self._message.heartbeat_timeout = PERIOD, TIMEOUT
@@ -63,7 +66,7 @@ class Bond:
             return
         self._publish()
         if self._other and monotonic() - self._last > self._patience:
-            self._logger.warning(f'the manager is silent for {self._patience:g} s: going on alone')
+            self._warn(f'the manager is silent for {self._patience:g} s: going on alone')
             self._other = ''
 
     def receive(self, message: Any) -> None:
@@ -77,7 +80,7 @@ class Bond:
             return
         self._last = monotonic()
         if 0.0 < message.heartbeat_timeout < 3600.0:
-            self._patience = message.heartbeat_timeout
+            self._patience = max(message.heartbeat_timeout, _SOONEST)
         if not message.active:
             self._broken, self._other = True, ''
             self._publish()

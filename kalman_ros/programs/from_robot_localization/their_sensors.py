@@ -113,10 +113,7 @@ def sensors_of(node: TheirNode, name: str, kind: str, *, planar: bool) -> Sensor
     try:
         topic, flags = _topic(node, name), _flags(node, name)
     except ValueError as error:
-        node.leave_out(name, str(error))
-        for key in node.unaccounted:
-            if key.startswith(f'{name}_'):
-                node.leave_out(key, f'its sensor {name} is')
+        leave_out_sensor(node, name, str(error))
         return {}
     sensors: Sensors = {}
     used: list[str] = []
@@ -143,6 +140,14 @@ def sensors_of(node: TheirNode, name: str, kind: str, *, planar: bool) -> Sensor
     flat = [flag for flag in used if planar and flag not in _PLANAR]
     _account(node, name, [*sensors], left, flat, planar=planar)
     return sensors
+
+
+def leave_out_sensor(node: TheirNode, name: str, why: str) -> None:
+    """Leave out a sensor with all its parameters."""
+    node.leave_out(name, why)
+    for key in node.unaccounted:
+        if key.startswith(f'{name}_'):
+            node.leave_out(key, f'its sensor {name} is')
 
 
 def _pose(node: TheirNode, name: str) -> str:
@@ -200,8 +205,12 @@ def _account(
         notes.append(f'{", ".join(flat)}: not in the plane')
     node.note(f'{name}_config', '; '.join([', '.join(ours), *notes]) if ours else '; '.join(notes))
     key = f'{name}_remove_gravitational_acceleration'
-    gravity = any(sensor.endswith('_acceleration') for sensor in ours) and not planar
-    node.note(key, 'mount.gravity: by the attitude of the state' if gravity else 'nothing to do')
+    pulled = any(sensor.endswith('_acceleration') for sensor in ours)
+    if pulled and planar and node.value(key, False):
+        node.note(key, 'in the plane a tilt reads as an acceleration', carried=False)
+    else:
+        gravity = 'mount.gravity: by the attitude of the state'
+        node.note(key, gravity if pulled and not planar else 'nothing to do')
     poses = [sensor for sensor in ours if sensor.endswith(('_position', '_orientation'))]
     for word in ('differential', 'relative'):
         if not node.value(f'{name}_{word}', False):

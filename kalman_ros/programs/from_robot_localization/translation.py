@@ -12,7 +12,7 @@ import numpy as np
 from .their_file import SENSOR, Row, TheirNode
 from .their_noise import noise_and_first_belief
 from .their_receiver import receiver, turn_headings
-from .their_sensors import Sensors, sensors_of
+from .their_sensors import Sensors, leave_out_sensor, sensors_of
 
 #: Parameters without a counterpart that need none, with the reason.
 _NOT_NEEDED = {
@@ -164,6 +164,12 @@ def _is_global(node: TheirNode) -> bool:
     return bool(node.value('world_frame', odom).lstrip('/') != odom.lstrip('/'))
 
 
+def _missing_before(node: TheirNode, kind: str, number: str) -> str:
+    """Return the sensor that would have to precede one of a kind; '' if all are there."""
+    before = (f'{kind}{k}' for k in range(int(number)))
+    return next((name for name in before if name not in node.values), '')
+
+
 def _filter(node: TheirNode, navigation: TheirNode | None) -> dict[str, Any]:
     """Return our parameters for a filter, and account for its parameters."""
     planar = node.value('two_d_mode', False)
@@ -180,6 +186,10 @@ def _filter(node: TheirNode, navigation: TheirNode | None) -> dict[str, Any]:
     for name in sorted(filter(SENSOR.fullmatch, node.values)):
         kind = SENSOR.fullmatch(name)
         assert kind is not None
+        missing = _missing_before(node, kind[1], kind[2])
+        if missing:
+            leave_out_sensor(node, name, f'there is no {missing}, behind which none is read')
+            continue
         made = sensors_of(node, name, kind[1], planar=planar)
         if node.value(name, '').endswith(_GPS):
             if navigation is None:
