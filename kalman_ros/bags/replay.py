@@ -34,6 +34,11 @@ from .steps import Steps
 
 #: Number of messages between two reports of the progress.
 _REPORT = 500
+#: Note on a comparison of estimates that are not those at the readings.
+_AT_TICKS = (
+    'Estimates are those of publish_rate, which lack the reading of the same instant: '
+    '-p publish_rate:=0.0 compares what the filter makes of it.'
+)
 
 
 def estimator_settings(
@@ -164,6 +169,8 @@ def replay_bag(
     known = _truth_reader(feed.settings, bag, resolve(truth)) if truth else None
     other = PoseReader(bag, resolve(against), 'against') if against else None
     readers = [reader for reader in (known, other) if reader is not None]
+    if readers and settings.options.publish_rate and not feed.lockstep:
+        feed.notes.append(_AT_TICKS)
     topics = [*feed.topics, *(reader.topic for reader in readers)]
     count, received = 0, 0
     with ExitStack() as stack:

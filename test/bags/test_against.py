@@ -99,6 +99,15 @@ def test_both_are_compared_with_the_truth_and_with_each_other(bag):
     assert run.against.frame == run.poses().frame == 'odom'
     np.testing.assert_allclose(run.against.covariance[0], 0.01 * np.eye(3))
     assert run.true_poses.covariance is None
+    assert not any('publish_rate' in note for note in run.notes)
+
+
+@pytest.mark.slow
+def test_estimates_of_a_timer_are_compared_with_a_note(bag):
+    run = replay(bag, {**ROBOT, 'publish_rate': 10.0}, against='odometry/filtered', end=4.0)
+    assert any('publish_rate:=0.0 compares' in note for note in run.notes)
+    run = replay(bag, {**ROBOT, 'publish_rate': 10.0}, end=4.0)
+    assert not run.notes
 
 
 @pytest.mark.slow
@@ -173,6 +182,7 @@ def test_a_file_of_theirs_is_compared_with_their_filter(bag, tmp_path, capsys, m
         translate([str(theirs), '--compare', str(bag), '--truth', '/truth'])
     said = ' '.join(capsys.readouterr().out.split())
     assert '/odometry/filtered - truth' in said and '/odometry/filtered jumps by ' in said
+    assert 'publish_rate' not in said.partition('/odometry/filtered - truth')[2]  # at readings
     assert (tmp_path / 'out' / 'replay' / 'ekf_kalman_ros' / 'against.png').exists()
 
 
