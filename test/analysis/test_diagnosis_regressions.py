@@ -336,14 +336,14 @@ def test_the_best_rotation_is_that_of_the_readings():
 
 @pytest.mark.parametrize(
     ('angle', 'weight', 'found'),
-    [(0.035, 1e6, True), (0.026, 1e6, False), (0.4, 120.0, True), (0.4, 80.0, False)],
+    [(0.01745, 1e6, True), (0.008, 1e6, False), (0.4, 120.0, True), (0.4, 80.0, False)],
 )
 def test_a_rotation_is_large_and_beyond_chance(monkeypatch, angle, weight, found):
     monkeypatch.setattr(mounting, 'turned', lambda *given: given)
     findings = mounting._find_rotation(vector(plane(angle), weight, 2), 's', (0, 1))
     # half a gain is the distance of the matrices, squared
     gain = weight * np.sum((np.eye(2) - plane(angle)) ** 2)
-    assert bool(findings) is found is bool(gain > 30.0 and angle > 0.03)
+    assert bool(findings) is found is bool(gain > 30.0 and angle > 0.01)
     for *_, explained, sentence in findings:
         assert explained == pytest.approx(gain, rel=1e-2)
         assert sentence == f'Misfit 500 becomes {500.0 - explained:.4g}.'

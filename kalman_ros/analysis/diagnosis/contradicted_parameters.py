@@ -18,8 +18,6 @@ from .parameters import Parameter, parameter
 from .passage import explained
 from .responses import Fit
 
-#: Relative changes below this are no finding.
-_RELEVANT = 0.03
 #: Longest step of a logarithm, and the shares of a step that are tried.
 _FARTHEST, _SHARES = 10.0, (1.0, 0.5, 0.25)
 
@@ -37,8 +35,6 @@ def find(case: Examination) -> list[Finding]:
         if fit.gain < CHANCE or not np.isfinite(fit.size[0]):
             continue
         found = parameter(case.evidence, name)
-        if abs(float(fit.size[0])) < _RELEVANT * max(abs(found.value), 1e-9):
-            continue
         finding = _changed(case, found, fit, found.value)
         if finding is not None:
             findings.append(finding)

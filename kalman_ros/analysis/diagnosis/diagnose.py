@@ -77,7 +77,7 @@ _EARLY = 3
 _REFINED = 3
 #: A finding is tried if its predicted gain is at least this share of the best gain. The second
 #: share applies to reliable predictions: the filter is not lost, and the gain is above `_SURE`.
-_CLOSE, _CLOSER, _SURE = 0.4, 0.6, 1000.0
+_CLOSE, _CLOSER, _SURE = 0.4, 0.5, 1000.0
 #: A change is proven by a replay of the first seconds if it explains this share of the misfit. A
 #: smaller effect is hidden by the other faults, which the replay does not correct.
 PROOF, _PROVEN = 20.0, 0.01

@@ -18,7 +18,7 @@ from .responses import fitted
 from .units import label_of, mixed, mixing, replaced
 
 #: Smallest rotation that is a finding, and largest difference from a quarter turn, in rad.
-_SMALL, _NEAR = 0.03, 0.1
+_SMALL, _NEAR = 0.01, 0.1
 
 
 def find(case: Examination) -> list[Finding]:

@@ -27,6 +27,8 @@ _DRIFTED = 0.005
 _SEVERAL = 1.9
 #: Readings come one by one if nearly all are at least this share of the usual time apart.
 _ONE_BY_ONE = 0.3
+#: Stamps are those of one instant below this share of the usual time between readings.
+_TOGETHER = 0.2
 #: Stamps may be rounded to one of these times (s), which matters above a share of their distance.
 _GRIDS, _COARSE, _ENOUGH = (1.0, 0.1, 0.05, 0.02, 0.01, 0.005, 0.001), 0.05, 20
 
@@ -118,23 +120,27 @@ def _find_backward(case: Examination, name: str, record: SensorRecord) -> Iterat
 
 
 def _find_shared(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[Finding]:
-    """Yield a finding if several readings in a row share each stamp, and come one by one."""
+    """Yield a finding if readings received one by one share a stamp, or are stamped together."""
     if not record.stamped.all():
         return
-    stamps, groups = np.unique(np.round(record.stamp, 6), return_counts=True)
     gaps = np.diff(record.received)
-    if len(stamps) < _ENOUGH or np.mean(groups) < _SEVERAL:
-        return
     usual = float(np.mean(gaps))
+    stamps = np.sort(record.stamp)
+    begins = np.flatnonzero(np.diff(stamps, prepend=-inf) > _TOGETHER * usual)
+    if len(begins) < _ENOUGH or len(stamps) < _SEVERAL * len(begins):
+        return
     if usual <= 0.0 or float(np.quantile(gaps, 0.05)) < _ONE_BY_ONE * usual:
         return
-    apart = float(np.median(np.diff(stamps)))
+    groups = np.diff(np.append(begins, len(stamps)))
+    within = float(np.median(stamps[begins + groups - 1] - stamps[begins]))
+    apart = float(np.median(np.diff(stamps[begins])))
+    how = f'are stamped within {within:.2g} s' if within > 1e-6 else 'have one stamp'
     # none is received before it is taken: the least latency is that of a stamp that lost nothing
     stamp = record.received - max(float(latency(record).min()), 0.0)
     yield _rounded(
         name, record,
-        f'{int(np.median(groups))} readings of {name} in a row have one stamp, a multiple of '
-        f'{apart:.3g} s, while they are received every {usual:.3g} s',
+        f'{int(np.median(groups))} readings of {name} in a row {how}, every {apart:.3g} s, while '
+        f'they are received every {usual:.3g} s',
         lambda: evidence.with_sensor(name, replace(record, stamp=stamp)),
     )  # fmt: skip
 
@@ -145,7 +151,8 @@ def _rounded(
     """Return the finding that stamps are rounded, by what is seen of them."""
     return Finding(
         'stamps rounded', name,
-        f'{seen}: they are rounded. Stamp them with all digits of the clock.',
+        f'{seen}: they are not the times of the readings. Stamp each when it is taken, with all '
+        'digits of the clock.',
         inf, figure=picture(name, record, 'stamps that are rounded'), mended=mended,
     )  # fmt: skip
 

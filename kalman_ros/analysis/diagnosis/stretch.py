@@ -21,8 +21,8 @@ from .responses import Columns, fitted, responses
 _FEWEST, _MOST = 8, 0.6
 #: Into how many parts a piece is divided where a stretch may begin or end.
 _FINER = 8
-#: Most stretches, most that are named, and the largest number of offsets in the search for them.
-_STRETCHES, _NAMED, _PIECES = 12, 3, 240
+#: Most stretches before some are dropped, most that are named, and most offsets in the search.
+_PARTS, _NAMED, _PIECES = 25, 3, 240
 #: Fewest readings of a piece, on average.
 _FEW = 4
 #: A sensor is examined in shorter pieces from this share of the largest gain on.
@@ -39,13 +39,15 @@ class Offsets(NamedTuple):
     """The stretches in which a sensor is off, each by the same at all times of it.
 
     A stretch is the half-open range of its pieces, ``size`` (K, k) has the offset of each, ``std``
-    (K, k) its standard deviation, and ``gain`` is that of all together.
+    (K, k) its standard deviation, and ``gain`` is that of all together. ``coordinates`` are those
+    of the sensor that are off.
     """
 
     stretches: list[tuple[int, int]]
     size: Array
     std: Array
     gain: float
+    coordinates: list[int] = []  # noqa: RUF012
 
 
 def find(case: Examination) -> list[Finding]:
@@ -80,14 +82,15 @@ def likeliest(gradient: Array, information: Array, free: Array) -> tuple[int, in
 
 
 def several(gradient: Array, information: Array, cost: float) -> Offsets | None:
-    """Return the stretches over B pieces of which each gains more than ``cost``, one by one.
+    """Return the stretches over B pieces of which each gains more than ``cost``.
 
-    Forward selection: a stretch is added, or one is divided in two by a part in which the sensor
-    is as declared. There is a piece at least between two of them.
+    Forward selection: a stretch is added where there is none, or divides one into those before,
+    within and after it. In the end those that gain too little are dropped, such as what lies
+    between two clusters that were found as one.
     """
     best: Offsets | None = None
     left, refused, misses = gradient, np.zeros(len(gradient), dtype=bool), 0
-    while best is None or len(best.stretches) < _STRETCHES:
+    while best is None or len(best.stretches) < _PARTS:
         chosen = best.stretches if best else []
         free = np.logical_not(refused)
         for begin, end in chosen:
@@ -97,16 +100,30 @@ def several(gradient: Array, information: Array, cost: float) -> Offsets | None:
             break
         begin, end = found
         whole = [each for each in chosen if each[0] < begin and end < each[1]]
-        parts = [(whole[0][0], begin), (end, whole[0][1])] if whole else [found]
         kept = [each for each in chosen if each not in whole]
-        fit, rest = _fitted(gradient, information, sorted([*kept, *parts]))
+        around = [(whole[0][0], begin), (end, whole[0][1])] if whole else []
+        fit, rest = _fitted(gradient, information, sorted([*kept, *around, found]))
         if fit.gain - (best.gain if best else 0.0) > cost:
             best, left = fit, rest
         elif best is None or misses == _MISSES:
             break
         else:
             refused[begin:end], misses = True, misses + 1
-    return best
+    return _pruned(gradient, information, best, cost) if best else None
+
+
+def _pruned(gradient: Array, information: Array, found: Offsets, cost: float) -> Offsets | None:
+    """Return the stretches without those that gain less than ``cost``, the least one first."""
+    while len(found.stretches) > 1:
+        fewer = [
+            _fitted(gradient, information, [each for each in found.stretches if each != out])[0]
+            for out in found.stretches
+        ]
+        best = max(fewer, key=lambda fit: fit.gain)
+        if found.gain - best.gain > cost:
+            break
+        found = best
+    return found if found.gain > cost else None
 
 
 def _fitted(
@@ -139,11 +156,10 @@ def _find_offsets(case: Examination) -> Iterator[Finding]:
 def _find_exactly(case: Examination, name: str, limits: Array) -> Iterator[Finding]:
     """Yield the finding of the offsets of a sensor, if pieces much shorter show them, too."""
     k = case.evidence.scenario.sensors[name].sensor.output.size
-    numbers, readings = sum(len(e) for e in case.passage.whitened), len(case.passage.of(name))
-    cost = max((k + 2) * np.log(max(numbers, 2)), CHANCE)
+    readings = len(case.passage.of(name))
     pieces = int(np.clip(readings / _FEW, len(limits) - 1, max(_PIECES // k, len(limits) - 1)))
     limits = np.linspace(limits[0], limits[-1], pieces + 1)
-    coarse = several(*_offsets(case, name, limits), cost)
+    coarse = _several_of(case, *_offsets(case, name, limits))
     if coarse is None:
         return
     around = [
@@ -152,9 +168,25 @@ def _find_exactly(case: Examination, name: str, limits: Array) -> Iterator[Findi
         for at in stretch
     ]
     limits = np.unique(np.concatenate([limits[[0, -1]], *around]))
-    found = several(*_offsets(case, name, limits), cost)
+    found = _several_of(case, *_offsets(case, name, limits))
     if found is not None:
         yield _shifted(case, name, found, limits)
+
+
+def _several_of(case: Examination, gradient: Array, information: Array) -> Offsets | None:
+    """Return the likeliest stretches of all coordinates together, or of one of them alone."""
+    k = gradient.shape[1]
+    price = float(np.log(max(sum(len(e) for e in case.passage.whitened), 2)))
+    best, most = None, 0.0
+    for group in dict.fromkeys([tuple(range(k)), *((index,) for index in range(k))]):
+        chosen = list(group)
+        cost = (len(chosen) + 2) * price
+        part = information[:, chosen][:, :, :, chosen]
+        found = several(gradient[:, chosen], part, max(cost, CHANCE))
+        net = 0.0 if found is None else found.gain - cost * len(found.stretches)
+        if found is not None and net > most:
+            best, most = found._replace(coordinates=chosen), net
+    return best
 
 
 def _known_offsets(case: Examination, name: str, limits: Array) -> tuple[Array, Array]:
@@ -192,15 +224,16 @@ def _shifted(case: Examination, name: str, found: Offsets, limits: Array) -> Fin
     value, words, start = record.value.copy(), [], case.evidence.start
     for (begin, end), size, std in zip(found.stretches, found.size, found.std):
         since, until = float(limits[begin]), float(limits[end])
-        value[(record.stamp >= since) & (record.stamp < until)] -= size
+        rows = np.flatnonzero((record.stamp >= since) & (record.stamp < until))
+        value[np.ix_(rows, np.array(found.coordinates))] -= size
         by = ', '.join(
-            f'{space.label(coordinate)} by {off:+.3g} ± {about:.1g}'
-            for coordinate, off, about in zip(space.names, size, std)
+            f'{space.label(space.names[index])} by {off:+.3g} ± {about:.1g}'
+            for index, off, about in zip(found.coordinates, size, std)
         )
         words.append(f'from t = {since - start:.3g} to {until - start:.3g} s, {by}')
     K, k = found.size.shape
     more = f'; and {K - _NAMED} times more' if K > _NAMED else ''
-    main = int(np.argmax(np.abs(found.size / found.std).max(axis=0)))
+    main = found.coordinates[int(np.argmax(np.abs(found.size / found.std).max(axis=0)))]
     return Finding(
         'disturbed', name,
         f'readings of {name} are off {"; ".join(words[:_NAMED])}{more}, and not before or after: '
