@@ -39,6 +39,11 @@ class Outcome(Enum):
         return self in _ACCEPTED
 
     @property
+    def intended(self) -> bool:
+        """Whether it is what the configuration intends for a reading that is in order."""
+        return self in _INTENDED
+
+    @property
     def explained(self) -> bool:
         """Whether the reader of the message can name the field and the reason."""
         return self in (
@@ -49,3 +54,6 @@ class Outcome(Enum):
 
 #: A tuple, whose members are compared by identity first: a set calls for hashes.
 _ACCEPTED = (Outcome.FUSED, Outcome.WEAKENED, Outcome.RECOVERED)
+_INTENDED = (
+    Outcome.FUSED, Outcome.WEAKENED, Outcome.MOVING, Outcome.SWITCHED_OFF, Outcome.FIRST_POSE,
+)  # fmt: skip

@@ -160,7 +160,7 @@ class Fuser:
         return ended
 
     def _account_for_reading(self, channel: SensorReader, time: int, outcome: Outcome) -> None:
-        if outcome not in (Outcome.FUSED, Outcome.MOVING, Outcome.SWITCHED_OFF):
+        if not outcome.intended:
             why = f': {channel.trouble}' if outcome.explained and channel.trouble else ''
             self.warn(f'reading of {channel.name} {outcome.value}{why}')
         if outcome.accepted:

@@ -125,3 +125,21 @@ def _corrects(filter: Filter, belief: Gaussian, u: Array, sensor: Sensor, rate: 
     except (ArithmeticError, np.linalg.LinAlgError):
         return False
     return True
+
+
+def falls_while_idle(scenario: Scenario, options: EstimatorOptions) -> str:
+    """Return what to set where the state does not rest without an input; '' where it does.
+
+    So the specific force of an IMU holds the weight of the body, and without it that falls.
+    """
+    rest = scenario.model.equilibrium.input
+    rests = options.rest_until_input and options.idle_input != 'zero'
+    if rests or options.lockstep or not scenario.input.fields or not rest.any():
+        return ''
+    held = ', '.join(
+        f'{name} {value:.4g}' for name, value in zip(scenario.model.input.names, rest) if value
+    )
+    return (
+        f'at rest the input is {held}: with idle_input: equilibrium and rest_until_input: true, '
+        'the state rests until the first one'
+    )

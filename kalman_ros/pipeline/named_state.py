@@ -39,7 +39,9 @@ class StateReader:
         names = list(message.name)
         values, std = np.array(message.position), np.array(message.effort)
         indices = self._space.indices(names, 'name')
-        if not names or len({*names}) < len(names):
+        if not names:
+            raise ValueError('name: expected names of states, got none')
+        if len({*names}) < len(names):
             raise ValueError(f'name: expected names that do not repeat, got {names}')
         n = len(names)
         if len(values) != n or len(std) not in (0, n, n * n):

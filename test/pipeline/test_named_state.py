@@ -63,7 +63,7 @@ def test_without_deviations_the_covariance_stays(found):
     ('given', 'says'),
     [
         ((['nose'], [1.0]), "name: expected names among .*, got 'nose'"),
-        (([], []), 'expected names that do not repeat'),
+        (([], []), 'expected names of states, got none'),
         ((['x', 'x'], [1.0, 2.0]), 'expected names that do not repeat'),
         ((['x', 'y'], [1.0]), 'expected 2 values in position'),
         ((['x'], [1.0], [1.0, 2.0]), 'in effort none, 1 deviations or the 1 numbers'),

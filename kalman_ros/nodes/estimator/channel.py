@@ -57,9 +57,6 @@ class InputChannel(Subscribed, InputReader):
 class Use:
     """Whether readings of a sensor are used, and why they are not."""
 
-    #: Outcomes of readings that are set aside as intended.
-    _INTENDED = (Outcome.MOVING, Outcome.SWITCHED_OFF, Outcome.FIRST_POSE)
-
     def __init__(self) -> None:
         self._counts: Counter[Outcome] = Counter()
         #: Time, by the steady clock, at which some reading was used, or set aside as intended.
@@ -72,7 +69,7 @@ class Use:
         new.subtract(self._counts)
         self._counts = Counter(counts)
         new = +new
-        wanted = {outcome: n for outcome, n in new.items() if outcome not in self._INTENDED}
+        wanted = {outcome: n for outcome, n in new.items() if not outcome.intended}
         if any(outcome.accepted for outcome in new) or (new and not wanted):
             self._used, self._why = monotonic(), ''
         elif wanted:

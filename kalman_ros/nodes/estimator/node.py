@@ -26,7 +26,7 @@ from kalman_ros.pipeline.estimator_options import EstimatorOptions
 from kalman_ros.pipeline.frames import STATIC as TF_STATIC
 from kalman_ros.pipeline.frames import Frames
 from kalman_ros.pipeline.fuser import Fused, Fuser
-from kalman_ros.pipeline.fusion import check_start, fusion
+from kalman_ros.pipeline.fusion import check_start, falls_while_idle, fusion
 from kalman_ros.pipeline.global_topics import uses_fixes
 from kalman_ros.pipeline.initial_pose import (
     OWN_POSE,
@@ -108,6 +108,9 @@ class EstimatorNode(runtime.ScenarioNode):
         mounts.on_mounted = self._use_before_next
         self._health = Health(self._fuser, self._latency, warn)
         self.get_logger().info(str(seen))  # after all checks
+        falling = falls_while_idle(scenario, options)
+        if falling:
+            warn(falling)
 
     def activate(self) -> None:
         """Start from the initial belief and subscribe.
