@@ -30,7 +30,10 @@ PACKAGES = {
     ),
     'geographic_msgs': (
         'std_msgs',
-        {'msg/GeoPoint': 'float64 latitude\nfloat64 longitude\nfloat64 altitude'},
+        {
+            'msg/GeoPoint': 'float64 latitude\nfloat64 longitude\nfloat64 altitude',
+            'msg/GeoPointStamped': 'std_msgs/Header header\nGeoPoint position',
+        },
     ),
     'robot_localization': (
         'geometry_msgs geographic_msgs',

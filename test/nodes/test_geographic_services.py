@@ -2,6 +2,7 @@
 """The services of robot_localization, with its types where they are installed."""
 
 import importlib.util
+from functools import partial
 
 import pytest
 
@@ -50,3 +51,25 @@ def test_the_services_have_the_names_and_types_that_nav2_calls(pair):
     assert len(points) == 3
     places = call(ToLLArray, '/toLLArray', map_points=points).ll_points
     assert [each.altitude for each in places] == pytest.approx([144.0] * 3, abs=1e-6)
+
+
+@pytest.mark.skipif(not INSTALLED, reason='geographic_msgs is not installed')
+def test_places_are_asked_and_answered_as_points_of_the_earth(pair):
+    from geographic_msgs.msg import GeoPointStamped
+    from geometry_msgs.msg import Point, PointStamped
+
+    found = pair(EstimatorNode, file=str(shipped.file('navsat')))
+    answers = {}
+    for kind, topic in ((GeoPointStamped, 'to_ll/geo_point'), (PointStamped, 'from_ll/point')):
+        keep = partial(answers.__setitem__, topic)
+        found.peer.create_subscription(kind, f'estimator/{topic}', keep, 10)
+    ask = found.publisher(PointStamped, 'estimator/to_ll')
+    ask.publish(PointStamped(point=Point(x=30.0, y=-40.0, z=2.0)))
+    found.until(lambda: (found.spin_peer(), 'to_ll/geo_point' in answers)[1], 'no place')
+    place = answers['to_ll/geo_point']
+    assert place.position.altitude == pytest.approx(146.0, abs=1e-3)
+    found.publisher(GeoPointStamped, 'estimator/from_ll/geo_point').publish(place)
+    found.until(lambda: (found.spin_peer(), 'from_ll/point' in answers)[1], 'no point')
+    point = answers['from_ll/point'].point
+    assert (point.x, point.y) == pytest.approx((30.0, -40.0), abs=1e-6)
+    assert answers['from_ll/point'].header.frame_id == 'map'

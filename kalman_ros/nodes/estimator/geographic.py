@@ -8,6 +8,7 @@ are installed, under the names that it gives them.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from importlib import import_module
 from math import isnan, nan
@@ -27,6 +28,8 @@ from kalman_ros.pipeline.throttle import Throttle
 #: Topics of the questions; each answer has that of its question and a word.
 TO_LL, FROM_LL = '~/to_ll', '~/from_ll'
 ANSWERS = {TO_LL: f'{TO_LL}/fix', FROM_LL: f'{FROM_LL}/point'}
+#: The same places as ``geographic_msgs/GeoPointStamped``, where that package is installed.
+GEO_POINTS = {TO_LL: f'{TO_LL}/geo_point', FROM_LL: f'{FROM_LL}/geo_point'}
 #: The services of ``robot_localization``, by the name of their type.
 SERVICES = {
     'ToLL': 'toLL', 'ToLLArray': 'toLLArray', 'FromLL': 'fromLL', 'FromLLArray': 'fromLLArray',
@@ -72,6 +75,11 @@ class GeographicServer:
         node.create_subscription(NavSatFix, FROM_LL, self._on_fix, QUESTIONS)
         self._fixes = node.create_publisher(NavSatFix, ANSWERS[TO_LL], QUEUE)
         self._points = node.create_publisher(PointStamped, ANSWERS[FROM_LL], QUEUE)
+        self._geo_points = None
+        with suppress(ValueError):  # the package is not installed
+            kind = message_type('geographic_msgs/GeoPointStamped')
+            node.create_subscription(kind, GEO_POINTS[FROM_LL], self._on_geo_point, QUESTIONS)
+            self._geo_points = node.create_publisher(kind, GEO_POINTS[TO_LL], QUEUE)
         types = {kind: service_type(kind) for kind in SERVICES}
         if None in types.values():
             node.get_logger().info(
@@ -100,13 +108,25 @@ class GeographicServer:
             fix.status.status = fix.status.STATUS_FIX
             fix.latitude, fix.longitude, fix.altitude = where
             self._fixes.publish(fix)
+            if self._geo_points is not None:
+                found = self._geo_points.msg_type(header=message.header)
+                position = found.position
+                position.latitude, position.longitude, position.altitude = where
+                self._geo_points.publish(found)
 
     def _on_fix(self, message: NavSatFix) -> None:
         # what asks for a place has no status of a receiver
-        where = message.latitude, message.longitude, message.altitude
+        self._answer_place(message.header, message)
+
+    def _on_geo_point(self, message: Any) -> None:
+        self._answer_place(message.header, message.position)
+
+    def _answer_place(self, header: Any, asked: Any) -> None:
+        """Publish the local metres of a latitude, longitude and altitude."""
+        where = asked.latitude, asked.longitude, asked.altitude
         local = self._answer(FROM_LL, lambda plane: local_of(plane, _place(where)))
         if local is not None:
-            found = PointStamped(header=message.header, point=self._point(local))
+            found = PointStamped(header=header, point=self._point(local))
             found.header.frame_id = self._frame
             self._points.publish(found)
 
