@@ -17,12 +17,14 @@ from .noise_levels import innovations
 from .passage import DROPPED
 from .responses import Columns, fitted, responses
 
-#: Fewest readings of a stretch, and its largest share of all readings.
+#: Fewest readings of a stretch, and its largest share of all readings, or of the time.
 _FEWEST, _MOST = 8, 0.6
 #: Into how many parts a piece is divided where a stretch may begin or end.
 _FINER = 8
 #: Most stretches before some are dropped, most that are named, and most offsets in the search.
 _PARTS, _NAMED, _PIECES = 25, 3, 240
+#: More stretches, or those of more than most of a recording, are an offset that moves.
+_MOST_STRETCHES = 12
 #: Fewest readings of a piece, on average.
 _FEW = 4
 #: A sensor is examined in shorter pieces from this share of the largest gain on.
@@ -169,7 +171,9 @@ def _find_exactly(case: Examination, name: str, limits: Array) -> Iterator[Findi
     ]
     limits = np.unique(np.concatenate([limits[[0, -1]], *around]))
     found = _several_of(case, *_offsets(case, name, limits))
-    if found is not None:
+    if found is None or len(found.stretches) > _MOST_STRETCHES:
+        return
+    if sum(limits[end] - limits[begin] for begin, end in found.stretches) < _MOST * np.ptp(limits):
         yield _shifted(case, name, found, limits)
 
 
