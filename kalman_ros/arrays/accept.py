@@ -83,11 +83,16 @@ def numbers(name: str, value: Any) -> Array:
         raise ValueError(f'{name}: expected numbers, got nothing')
     check_real(name, value)
     try:
-        return np.asarray(value, dtype=float)
+        return np.asarray(filled(value), dtype=float)
     except (TypeError, ValueError, OverflowError):
         raise ValueError(
             f'{name}: expected real numbers, in rows of one length, got {got(value)}'
         ) from None
+
+
+def filled(value: Any) -> Any:
+    """Return what is no masked array as it is, and of one the numbers, with NaN where masked."""
+    return np.ma.filled(value.astype(float), np.nan) if np.ma.is_masked(value) else value
 
 
 def limits_given(

@@ -71,6 +71,8 @@ class Estimates(KnownNames):
         What smoothing and pictures need.
     labels
         Of the index that brought the times, by time; empty without one.
+    restarts
+        How often the filter began again from the initial belief, since it could not go on.
     """
 
     other_names: ClassVar[Mapping[str, str]] = {
@@ -99,6 +101,7 @@ class Estimates(KnownNames):
     smoothed: bool = False
     arithmetic: str = 'numpy'
     labels: Mapping[float, Any] = field(default_factory=dict)
+    restarts: int = 0
 
     @property
     def std(self) -> Array:
@@ -134,6 +137,8 @@ class Estimates(KnownNames):
         for name, found in self.counts.items():
             counted = ', '.join(f'{count} {what}' for what, count in found.items() if count)
             lines.append(f'readings of {name}: {counted or "none"}')
+        if self.restarts:
+            lines.append(f'it could not go on, and began again from the start: {self.restarts}')
         if not self.smoothed and self.degrees.sum():
             mean = np.nansum(self.nis) / self.degrees.sum()
             lines.append(f'NIS per number read: {mean:.3g}, where a consistent filter has 1')

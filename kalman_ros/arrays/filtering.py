@@ -94,8 +94,8 @@ def filter(
     sensors
         One sensor, several by name ``{'gps': ..., 'imu': ...}``, or a pair (H, R).
     times
-        In seconds (N,), in any order and with any spacing; by name, ``{'gps': ..., 'imu': ...}``,
-        if each sensor has its own. A discrete-time model may omit them: one row per period.
+        In seconds (N,), in any order, taken to the nanosecond; by name, if each sensor has its
+        own. A discrete-time model may omit them: one row per period.
     readings
         (N, k), or (N,) of a sensor with one number; of several sensors by name, or with all
         columns side by side. A number that is NaN or infinite is missing; the rest of its row

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from inspect import signature
 from math import prod
 from typing import Any
@@ -183,6 +184,19 @@ class MatrixSensor(Sensor):
         """Return H."""
         return self._H
 
+    def of(self, state: Space) -> MatrixSensor:
+        """Return the sensor of a ``state``: a row that reads an angle of it reads an angle."""
+        if self.output.angles or not state.angles:
+            return self
+        angles = np.eye(state.size)[state.indices(state.angles)]
+        reads = (self._H[:, np.newaxis] == angles).all(axis=-1).any(axis=1)
+        if not reads.any():
+            return self
+        names = tuple(name for name, does in zip(self.output.names, reads) if does)
+        return MatrixSensor(
+            self._H, replace(self.output, angles=names), self.covariance, self.name
+        )
+
 
 class FunctionSensor(Sensor):
     """y = h(x) + v."""
@@ -204,5 +218,5 @@ class FunctionSensor(Sensor):
     def jacobian(self, x: Array) -> Array:
         """Return dh/dx."""
         if self._jacobian is None:
-            return numerical_jacobian(self.measure, x, self.output.subtract)
+            return numerical_jacobian(self.measure, x, self.output.subtract, self.state)
         return rows(f'{self.name}: its jacobian', self._jacobian(x), x.size)

@@ -28,6 +28,7 @@ from .accept import (
     columns,
     duration,
     is_system,
+    numbers,
     plant,
     refuse_continuous,
     rows,
@@ -262,6 +263,7 @@ def margins(
     C = rows('C', C, len(loop.A))
     if len(C) != loop.B.shape[1]:
         raise ValueError(f'C: expected a row for each of {loop.B.shape[1]} inputs, got {len(C)}')
+    D = None if D is None else np.atleast_2d(numbers('D', D))
     each = LoopMargins.of(state_space(loop.A, loop.B, C, D, dt))
     return each[0] if len(each) == 1 else each
 

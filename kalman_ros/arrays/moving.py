@@ -16,6 +16,7 @@ from kalman_ros.control.planning import ReferenceMotion
 from kalman_ros.core import Array, ArrayLike
 from kalman_ros.core.known_arguments import knows_arguments
 from kalman_ros.scenario import Scenario, motions, reference_motions
+from kalman_ros.scenario.body_roles import body_of
 from kalman_ros.scenario.reference_motions import along_path
 
 from .accept import limits_given, number, numbers
@@ -114,6 +115,7 @@ def motion(
         wanted = partial(reference_motions.between, law.scenario, *states, duration)
     else:
         what, points = 'path', _points(path)
+        _refuse_unused(law.scenario, points)
         limits = _positive('speed', speed), _positive('acceleration', acceleration)
         wanted = partial(along_path, law.scenario, points, *limits, rounding=allowed)
     try:
@@ -145,6 +147,17 @@ def _points(path: ArrayLike | None) -> Array:
     if points.ndim != 2 or points.shape[1] not in (2, 3):
         raise ValueError(f'path: expected points of 2 or 3 numbers, got an array {points.shape}')
     return np.hstack((points, np.zeros((len(points), 3 - points.shape[1]))))
+
+
+def _refuse_unused(scenario: Scenario, points: Array) -> None:
+    """Raise ValueError if points (K, 3) differ in a direction in which a model cannot go."""
+    axes = body_of(scenario.model.state, scenario.state).position
+    unused = [axis for k, axis in enumerate('xyz') if axis not in axes and np.ptp(points[:, k])]
+    if axes and unused:
+        raise ValueError(
+            f'path: expected points that differ in {", ".join(axes)} alone, the position that '
+            f'this model has, got {", ".join(unused)}, too'
+        )
 
 
 def _positive(name: str, value: float) -> float:

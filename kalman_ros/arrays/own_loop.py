@@ -241,7 +241,7 @@ class Regulator(KnownNames):
         )
         self._law = law_of(scenario, overrides, given)
         self._answer: Answer = self._law()
-        self._time = 0
+        self._time, self._begun = 0, False
         self._input = np.zeros(self._law.scenario.model.input.size)
 
     @property
@@ -296,7 +296,10 @@ class Regulator(KnownNames):
         """
         given = estimate.mean if isinstance(estimate, Gaussian) else estimate
         x = finite('estimate', given, len(self.target))
-        self._time += round((self.dt if dt is None else duration('dt', dt)) * 1e9)
+        passed = self.dt if dt is None else duration('dt', dt)
+        if self._begun:  # the first one is at the time 0 of a reference
+            self._time += round(passed * 1e9)
+        self._begun = True
         self._input = self._answer(self._time, x)
         return self._input
 

@@ -135,6 +135,7 @@ class Pass:
             log_likelihood=likelihood,
             filter=self._task.filter,
             arithmetic=self._task.arithmetic,
+            restarts=self._online.restarts,
             record=Record(self._filter, steps, shown, self._slopes()),
         )
 

@@ -219,7 +219,9 @@ def mpc(
     horizon
         Seconds over which limits are predicted; 0 for four times the decay of the slowest pole.
     moves
-        The number of changes of the input that are planned.
+        The number of corrections of u = -K x that are planned, each held for longer than the one
+        before. One for each step plans any input; with fewer, the cost of a plan that is on a
+        limit for long is some hundredths larger.
 
     Raises
     ------

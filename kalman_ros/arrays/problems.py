@@ -35,6 +35,8 @@ from .functions import (
 from .trimming import Point, operating_point
 
 Names = Union[int, str, Sequence[str], None]
+#: The longest step of an integration, in seconds, where none is given.
+_LONGEST = 0.01
 _Function = TypeVar('_Function', FunctionModel, DiscreteFunctionModel)
 
 
@@ -52,7 +54,7 @@ def continuous_model(
     states: Names = None,
     inputs: Names = None,
     angles: Sequence[str] = (),
-    max_step: float = 0.01,
+    max_step: float | None = None,
     equilibrium: Point = None,
 ) -> Model:
     """Return the model dx/dt = A x + B u + w, or dx/dt = f(x, u) + w.
@@ -76,7 +78,9 @@ def continuous_model(
     angles
         The names of the states that wrap at +-pi.
     max_step
-        The longest step, in seconds, of the Runge-Kutta integration of f.
+        The longest step, in seconds, of the Runge-Kutta integration of f; by default 0.01, or the
+        time constant of the fastest mode at the equilibrium where that is shorter: steps that
+        are longer than some three of it grow without bounds.
     equilibrium
         Where f is 0 and the model is linearised: a state and an input, such as `trim` finds, or
         values of some of them by name; by default all are 0.
@@ -98,8 +102,12 @@ def continuous_model(
     A, B, W, _ = _parts(('A', 'B', 'W', 'continuous_model'), (A, B, W), sampled=False)
     if callable(A):
         state, input = _spaces(A, 'W', W, states, inputs, angles)
-        density, step = weight('W', W, state.size), duration('max_step', max_step)
-        return _resting(FunctionModel(A, density, state, input, step), equilibrium)
+        step = _LONGEST if max_step is None else duration('max_step', max_step)
+        model = FunctionModel(A, weight('W', W, state.size), state, input, step)
+        found = _resting(model, equilibrium)
+        if max_step is None:
+            found.max_step = min(_LONGEST, _fastest(found))
+        return found
     _refuse_rest(equilibrium)
     A = square('A', A)
     n = len(A)
@@ -167,6 +175,14 @@ def discrete_model(
     state = _named('states', states, n, 'x', angles)
     input = _named('inputs', inputs, G.shape[1], 'u')
     return DiscreteLinearSystem(F, G, weight('Q', Q, n), state, input, period)
+
+
+def _fastest(model: Model) -> float:
+    """Return the time constant of the fastest mode at the equilibrium; infinite if not known."""
+    with np.errstate(all='ignore'):
+        A = model.state_jacobian(*model.equilibrium)
+    rate = float(np.abs(np.linalg.eigvals(A)).max(initial=0.0)) if np.isfinite(A).all() else 0.0
+    return 1.0 / rate if rate > 0.0 else np.inf
 
 
 def _resting(model: _Function, given: Point) -> _Function:
@@ -341,6 +357,7 @@ def compile(part: Model | Sensor, state: Space | None = None) -> Any:
                 f'state: expected the space of the states that the sensor measures, such as '
                 f'model.state, got {got(state)}'
             )
+        part = part.of(state)
     elif not isinstance(part, Dynamics):
         raise ValueError(f'part: expected a model or a sensor, got {got(part)}')
     return attempt(part, state).result

@@ -13,7 +13,7 @@ import numpy as np
 from kalman_ros.core import Array, ArrayLike, Dynamics, Sensor, check_real
 from kalman_ros.scenario.model_checks import check_sensor
 
-from .accept import got
+from .accept import filled, got
 from .foreign import is_foreign, read_system
 from .problems import continuous_model, discrete_model
 from .problems import sensor as make_sensor
@@ -96,6 +96,7 @@ def sensors_of(given: Any, model: Dynamics) -> dict[str, Sensor]:
         found = {'y': _one('sensors', given)}
     x = model.equilibrium.state
     for name, item in found.items():
+        item = found[name] = item.of(model.state)
         if item.name != name:
             item = found[name] = copy(item)
             item.name = name
@@ -128,7 +129,7 @@ def rows_of(name: str, times: Any, values: ArrayLike, size: int, model: Dynamics
     """
     check_real(name, values)
     try:
-        array = np.array(values, dtype=float)
+        array = np.array(filled(values), dtype=float)
     except (TypeError, ValueError):
         raise ValueError(f'{name}: expected numbers (N, {size}), with NaN for gaps') from None
     if array.ndim == 3 and array.shape[2] == 1:  # columns, as in filterpy

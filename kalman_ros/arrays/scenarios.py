@@ -20,6 +20,7 @@ from kalman_ros.core import (
     Signal,
     TimedSensor,
     Value,
+    check_rate,
     ratio,
     refuse_unknown,
     vector,
@@ -183,6 +184,7 @@ def make_scenario(
     rate = number('rate', rate)
     if not 0.0 < rate < inf:
         raise ValueError(f'rate: expected a positive number of steps a second, got {rate:g}')
+    check_rate(model, rate)
     x, _ = model.equilibrium
     n, m = model.state.size, model.input.size
     belief = belief_of((x, 1.0) if initial is None else initial, model)

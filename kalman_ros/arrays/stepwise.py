@@ -112,6 +112,7 @@ class Stepwise(KnownNames):
         """
         if not isinstance(sensor, Sensor):
             (sensor,) = sensors_of(sensor, self.model).values()
+        sensor = sensor.of(self.model.state)
         if isinstance(self, kf.KalmanFilter) and not sensor.linear:
             raise ValueError(
                 f'sensor: a Kalman filter needs a linear one, and {type(sensor).__name__} is not '

@@ -10,6 +10,8 @@ from kalman_ros.core import Array, Dynamics, OperatingPoint
 #: The largest change at rest, relative to what the state and the input make of it, or absolutely,
 #: and Newton's steps and halvings.
 STILL, _TINY, _STEPS, _HALVINGS = 1e-6, 1e-9, 60, 20
+#: How far nearby is, relative to 1 and the coordinate.
+_AWAY = 0.05
 #: Steps go on until a change is this small.
 _EXACT = 1e-12
 
@@ -26,13 +28,27 @@ def is_still(model: Dynamics, point: OperatingPoint) -> bool:
     """Return whether a model rests at a point.
 
     A coordinate may change if nothing depends on it and no input acts on it directly, as the
-    position of a car at a speed.
+    position of a car at a speed: not only here, where a derivative may vanish, but nearby, too.
     """
     A, B = _jacobians(model, point)
     size = np.maximum(np.abs(A) @ np.abs(point.state), np.abs(B) @ np.abs(point.input))
     still: Array = np.abs(change(model, *point)) <= STILL * size + _TINY
+    if still.all():
+        return True
     counts = np.any(A != 0.0, axis=0) | np.any(B != 0.0, axis=1)
+    with np.errstate(all='ignore'):  # nearby there may be nothing
+        for sign in (1.0, -1.0):
+            A, B = _jacobians(model, _beside(model, point, sign))
+            counts |= np.any(A != 0.0, axis=0) | np.any(B != 0.0, axis=1)
     return bool(np.all(still[counts]))
+
+
+def _beside(model: Dynamics, point: OperatingPoint, sign: float = 1.0) -> OperatingPoint:
+    """Return a point at some distance, different in each coordinate."""
+    x, u = (
+        sign * _AWAY * (1.0 + np.abs(each)) * (1.0 + 0.1 * np.arange(len(each))) for each in point
+    )
+    return OperatingPoint(model.state.add(point.state, x), point.input + u)
 
 
 def unrest(model: Dynamics, point: OperatingPoint) -> str:
@@ -73,6 +89,12 @@ def find_rest(
             jacobian = np.hstack(_jacobians(model, point))[:, free]
             if not np.isfinite(jacobian).all():
                 break
+            if not jacobian.any():  # as in the middle of a parabola
+                beside = np.concatenate(_beside(model, point))
+                both = np.where(free, beside, np.concatenate(point))
+                point = OperatingPoint(*np.split(both, [space.size]))
+                moved = change(model, *point)
+                continue
             step = np.zeros(len(free))
             step[free] = -np.linalg.lstsq(jacobian, moved, rcond=None)[0]
             dx, du = np.split(step, [space.size])

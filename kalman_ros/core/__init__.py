@@ -20,7 +20,7 @@ from kalman_ros.linear.matrices import (
 )
 from kalman_ros.linear.views import coordinates, from_coordinates
 
-from .discrete_model import DiscreteLinearSystem, DiscreteModel, check_period
+from .discrete_model import DiscreteLinearSystem, DiscreteModel, check_period, check_rate
 from .dynamics import Dynamics, LinearizedStep, OperatingPoint, Transition
 from .gaussian import Gaussian, chosen, unchecked
 from .linear_system import LinearSystem, linearize
@@ -59,6 +59,7 @@ __all__ = [
     'brief',
     'build_with',
     'check_period',
+    'check_rate',
     'check_real',
     'chosen',
     'coordinates',

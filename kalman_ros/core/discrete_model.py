@@ -16,6 +16,8 @@ from .space import Space, no_rotation
 
 #: A step may differ from a whole number of periods by this fraction of one; stamps are rounded.
 _TOLERANCE = 1e-3
+#: A rate is one over the period up to this share of it.
+_SAME = 1e-6
 #: The most periods of a step; after a longer gap an estimator restarts.
 MOST_PERIODS = 100_000
 
@@ -171,6 +173,15 @@ class DiscreteLinearSystem(DiscreteModel):
             n, m = self.G.shape
             self._sampled[count] = super().transition(np.zeros(n), np.zeros(m), dt)
         return self._sampled[count]
+
+
+def check_rate(model: Dynamics, rate: float) -> None:
+    """Raise ValueError if the steps of a loop are not those of a model in discrete time."""
+    if model.is_discrete and abs(rate * model.period - 1.0) > _SAME:
+        raise ValueError(
+            f'rate: expected {1.0 / model.period:g}, one step for each period of the model of '
+            f'{model.period:g} s, got {rate:g}'
+        )
 
 
 def check_period(model: Dynamics) -> None:

@@ -85,6 +85,17 @@ class Sensor(ABC):
         """
         return None
 
+    def of(self: S, state: Space) -> S:
+        """Return the sensor as one of a ``state``, which its default Jacobian may take.
+
+        It is the same sensor where it has the space of its state, or does not need it.
+        """
+        if self.state.size or not state.rotations:
+            return self
+        other = copy(self)
+        other.state = state
+        return other
+
     def with_covariance(self: S, covariance: Array) -> S:
         """Return the same sensor with another noise ``covariance`` (k, k), not checked."""
         other = copy(self)

@@ -24,6 +24,7 @@ from kalman_ros.core import (
     TimedSensor,
     Value,
     check_period,
+    check_rate,
     ratio,
     refuse_unknown,
     variances,
@@ -86,11 +87,7 @@ def assemble(full: Mapping[str, Any], *, with_law: bool = True) -> Scenario:
     rate = full['rate']
     if model.is_discrete:
         check_period(model)
-    if model.is_discrete and abs(rate * model.period - 1.0) > 1e-6:
-        raise ValueError(
-            f'rate: expected {1.0 / model.period:g}, one step for each period of the model of '
-            f'{model.period:g} s, got {rate:g}'
-        )
+    check_rate(model, rate)
     n, m = model.state.size, model.input.size
     mean = vector('initial_estimate', full['initial_estimate'], n)
     origin, state = datum(full['datum']), _signal('state', parts.get('state', {}), n)
