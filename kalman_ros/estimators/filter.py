@@ -211,7 +211,7 @@ class LinearUpdate(SmoothableFilter):
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Return x + K innovation, (I - K H) P (I - K H)' + K R K', with K = P H' S^-1."""
         x, P = belief
-        k, sensor = kernels(x), sensor.of(self.model.state)
+        k = kernels(x)
         H, R = k.ordered(sensor.jacobian(x), sensor.covariance)
         innovation = sensor.output.subtract(y, sensor.measure(x))
         if isinstance(belief, Diffuse):

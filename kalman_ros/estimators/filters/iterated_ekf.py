@@ -55,7 +55,6 @@ class IteratedExtendedKalmanFilter(ExtendedKalmanFilter):
 
         Innovation, its covariance and so the NIS are those of the extended filter.
         """
-        sensor = sensor.of(self.model.state)
         first = super().correct(belief, y, sensor)
         if sensor.linear or isinstance(belief, Diffuse):
             return first

@@ -73,7 +73,7 @@ class SquareRootFilter(LinearUpdate):
         """Return x + K innovation; [R^1/2, H L; 0, L] turns into [S^1/2, 0; K S^1/2, L]."""
         x, k, L = belief.mean, kernels(belief.mean), _factor(belief)
         innovation = sensor.output.subtract(y, sensor.measure(x))
-        H, m = sensor.of(self.model.state).jacobian(x), y.shape[-1]
+        H, m = sensor.jacobian(x), y.shape[-1]
         HL = product(H, L)
         R, size = k.repaired_factor(sensor.covariance), m + L.shape[-1]
         before = np.zeros((*np.broadcast_shapes(*(A.shape[:-2] for A in (HL, R, L))), size, size))
