@@ -80,7 +80,7 @@ class OnlineEstimator:
         self._filter = filter
         model = filter.model
         self._period = model.period * 1e9 if model.is_discrete else 0.0
-        self._sensors = {name: each.of(model.state) for name, each in sensors.items()}
+        self._sensors = dict(sensors)
         self._policy = policy
         self._window = round(policy.window * 1e9)
         self._max_gap = round(policy.max_gap * 1e9)

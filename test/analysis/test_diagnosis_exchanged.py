@@ -22,6 +22,9 @@ def bearings():
 def test_two_bearings_are_exchanged(bearings):
     case = Examination(swapped(bearings, *bearings.sensors))
     assert gross.lost(case)
+    (candidate,) = exchanged.candidates(case)
+    for name in ('west', 'east'):
+        assert candidate.mended().sensors[name] is bearings.sensors[name]
     finding = diagnose(case.evidence).findings[0]
     # either sensor alone has no contradiction, so that leaving one out fits as well
     assert ('swapped', 'west') in [(finding.kind, finding.subject), *finding.same_as]

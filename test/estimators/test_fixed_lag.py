@@ -270,6 +270,44 @@ def test_rotations_near_and_far(std, far):
     same(rest[-1][1], filtered[-1].belief)
 
 
+def test_the_step_back_of_rotations_is_that_of_differences_on_the_group():
+    """The affine step is that of x_s' - x_p, to the second order of what later readings change."""
+    steps = attitude_steps(0.05, far=0.3)
+    filter, filtered = steps[0][1], [step for step, _ in steps]
+    smoothed = smooth(filter, filtered)
+    for k in (0, 1, 10, 30):
+        step, after = filtered[k], smoothed[k + 1]
+        predicted, F, _ = filter.linearized(step.belief, step.input, 0.02)
+        C = step.belief.covariance @ F.T @ np.linalg.inv(predicted.covariance)
+        x = step.belief.mean
+        expected = TURN.reached(x + C @ TURN.subtract(after.mean, predicted.mean), x)
+        assert np.linalg.norm(TURN.subtract(smoothed[k].mean, expected)[:3]) < 2e-5
+
+
+@pytest.mark.parametrize('lag', [0.1, 0.3])
+def test_what_stays_unknown_is_not_smoothed(lag):
+    """A velocity alone says nothing of the position."""
+    problem = kr.make_scenario(
+        kr.continuous_model([[0.0, 1.0], [0.0, 0.0]], W=np.diag([0.1, 0.1])),
+        {'v': ([0.0, 1.0], 0.1)},
+        rate=10.0,
+    )
+    filter, sensors = build_filter('kf', problem.plan), {'v': problem.sensors['v'].sensor}
+    nowhere = Gaussian(np.zeros(2), np.diag([np.inf, np.inf]))
+    online = OnlineEstimator(filter, sensors, nowhere, np.zeros(0), Policy(window=0.0))
+
+    def feed(estimator):
+        for k in range(12):
+            estimator.add_reading('v', k * 100_000_000, np.array([0.1 * k]))
+
+    steps = steps_of(online, feed)
+    found, _ = emitted(problem.model.state, steps, lag)
+    assert len(found) > 5
+    for k, (_, belief, _) in enumerate(found):
+        np.testing.assert_array_equal(belief.mean, steps[k][0].belief.mean)
+        assert np.isinf(belief.covariance).any()
+
+
 def test_a_filter_that_cannot_be_smoothed_is_refused():
     space, steps = random_steps(0, 5)
     smoother = FixedLagSmoother(space, 1.0)
