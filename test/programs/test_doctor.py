@@ -95,6 +95,33 @@ def test_a_part_is_diagnosed_alone(tmp_path, capsys):
     assert run(*arguments, '--from', '5', '--to', '4') == 2
 
 
+def test_a_long_recording_has_a_first_answer_before_the_whole_is_examined(tmp_path, capsys):
+    turned = Injection(edits={'joint_states': values_of(lambda y: y * [1.0, -1.0])})
+    write_bag(tmp_path / 'bag', 'cart_pole', turned, 30.0, 3)
+    arguments = tmp_path / 'bag', '--params-file', 'cart_pole', '--out', tmp_path / 'out'
+    assert run(*arguments, '--to', '10') == 1
+    assert 'At first sight' not in capsys.readouterr().out
+    assert run(*arguments) == 1
+    out = capsys.readouterr().out
+    first, *_, last = out.splitlines()
+    assert first.startswith('At first sight, from t = 0 to 8 s: sign of joint_states.theta')
+    assert last.startswith('FAIL') and 'first sign of joint_states.theta' in last
+    assert max(map(len, out.splitlines())) <= 80
+
+
+def test_a_first_look_that_fails_leaves_the_whole(tmp_path, capsys, monkeypatch):
+    def fails(evidence, *given, proofs=True):
+        if not proofs:
+            raise np.linalg.LinAlgError('singular')
+        return diagnose(evidence, *given)
+
+    monkeypatch.setattr(program, 'diagnose', fails)
+    write_bag(tmp_path / 'bag', 'cart_pole', Injection(), 30.0, 3)
+    arguments = tmp_path / 'bag', '--params-file', 'cart_pole', '--out', tmp_path / 'out'
+    assert run(*arguments) == 0
+    assert 'At first sight' not in capsys.readouterr().out
+
+
 def test_the_checks_are_those_of_a_replay(tmp_path):
     write_bag(tmp_path / 'bag', SCENARIO, NEGATED, 10.0, 3)
     evidence = load(tmp_path / 'bag', SCENARIO)

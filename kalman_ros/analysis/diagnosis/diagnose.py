@@ -105,7 +105,9 @@ class Diagnosis:
     after: float
 
 
-def diagnose(evidence: Evidence, progress: Callable[[str], None] = lambda text: None) -> Diagnosis:
+def diagnose(
+    evidence: Evidence, progress: Callable[[str], None] = lambda text: None, *, proofs: bool = True
+) -> Diagnosis:
     """Return the faults of a recording and of its parameters.
 
     Parameters
@@ -113,7 +115,9 @@ def diagnose(evidence: Evidence, progress: Callable[[str], None] = lambda text: 
     evidence
         Recording, and the results of the estimator.
     progress
-        Receives the current activity.
+        Receives the current activity, and what was found so far.
+    proofs
+        Whether each change is proven by a replay.
     """
     if np.isinf(evidence.scenario.initial_belief.covariance).any():
         raise ValueError('initial_std: expected finite ones for a diagnosis, got an infinite one')
@@ -129,7 +133,7 @@ def diagnose(evidence: Evidence, progress: Callable[[str], None] = lambda text: 
         case = Examination(bias.without_declared(case))
     findings += gates.find(case)
     for number in range(_ROUNDS):
-        progress(f'causes of the misfit, {number + 1}')
+        progress(f'causes of the misfit, {number + 1}{_so_far(findings)}')
         best = _find_best(case, findings)
         if best is None:
             break
@@ -137,9 +141,20 @@ def diagnose(evidence: Evidence, progress: Callable[[str], None] = lambda text: 
         findings.append(finding)
     findings += common_noise.find(case)
     notes += leftover.find(case)
-    progress('proofs')
-    sure, doubtful = divided([_prove(evidence, finding) for finding in _rank(findings)])
+    ranked = _rank(findings)
+    if proofs:
+        progress(f'proofs{_so_far(findings)}')
+        ranked = tuple(_prove(evidence, finding) for finding in ranked)
+    sure, doubtful = divided(ranked)
     return Diagnosis(tuple(sure), (*notes, *doubtful), before, case.passage.misfit)
+
+
+def _so_far(findings: Sequence[Finding]) -> str:
+    """Return the first finding of those so far, in words."""
+    if not findings:
+        return ''
+    first = _rank(findings)[0]
+    return f'; so far: {first.kind} of {first.subject}'
 
 
 def divided(findings: Sequence[Finding]) -> tuple[list[Finding], list[Finding]]:
@@ -190,7 +205,8 @@ def _find_best(case: Examination, known: Sequence[Finding]) -> tuple[Finding, Ex
         for finding in detector(case)
     ]
     promised.sort(key=_gain, reverse=True)
-    tried: list[tuple[Finding, Examination]] = []
+    tried: list[Finding] = []
+    best, after = None, case
     sure = bool(promised) and promised[0].gain > _SURE and not gross.lost(case)
     share = _CLOSER if sure else _CLOSE
     # findings of filter passes come first: for a lost filter, regressions predict arbitrary gains
@@ -200,30 +216,30 @@ def _find_best(case: Examination, known: Sequence[Finding]) -> tuple[Finding, Ex
     for finding in [*from_passes, *_limit_kinds(others)][:_TRIED]:
         if finding.gain <= threshold or not _is_new(finding, known):
             continue
-        best = max((other.gain for other, _ in tried), default=0.0)
-        if finding not in from_passes and finding.gain < share * best:
+        if best and finding not in from_passes and finding.gain < share * best.gain:
             break
         try:
             finding = finding.exact() if finding.exact else finding
-            after = (
+            other = (
                 Examination(finding.mended(), known=finding.passage) if finding.mended else case
             )
-            gain = explained(case.passage, after.passage) - finding.dues
+            gain = explained(case.passage, other.passage) - finding.dues
             gain = (finding.gain if finding.is_exact else gain) - dimension * finding.parameters
         except np.linalg.LinAlgError:
             continue
         if gain > threshold:
-            tried.append((replace(finding, gain=gain), after))
-    if not tried:
+            tried.append(replace(finding, gain=gain))
+        if gain > (best.gain if best else threshold):
+            best, after = tried[-1], other
+    if best is None:
         return None
-    finding, after = max(tried, key=lambda pair: pair[0].gain)
-    finding, after = _refine(case, finding, after, dimension)
-    rivals = [other for other, _ in tried if not same(other, finding)]
-    share = certainty(finding.gain, [other.gain for other in rivals])
+    finding, after = _refine(case, best, after, dimension)
+    rivals = [rival for rival in tried if not same(rival, finding)]
+    share = certainty(finding.gain, [rival.gain for rival in rivals])
     whole = completeness(case.passage, after.passage)
     finding = replace(finding, certainty=min(share * whole, finding.most))
     equivalent = [
-        (other.kind, other.subject) for other in rivals if other.gain > _TIED * finding.gain
+        (rival.kind, rival.subject) for rival in rivals if rival.gain > _TIED * finding.gain
     ]
     return replace(finding, same_as=(*finding.same_as, *equivalent)), after
 

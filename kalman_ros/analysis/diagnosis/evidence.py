@@ -71,6 +71,20 @@ class Evidence:
         value[rows] = np.nan
         return self.with_values(name, value)
 
+    def between(self, begin: float, end: float) -> Evidence:
+        """Return the evidence of the messages received from ``begin`` to ``end`` (s)."""
+        sensors = {
+            name: record.select((record.received >= begin) & (record.received <= end))
+            for name, record in self.sensors.items()
+        }
+        held = np.flatnonzero(self.inputs.received < begin)[-1:]  # it acts in the part
+        kept = np.concatenate(
+            (held, np.flatnonzero((self.inputs.received >= begin) & (self.inputs.received <= end)))
+        )
+        received, stamp, value = self.inputs.received, self.inputs.stamp, self.inputs.value
+        inputs = InputRecord(received[kept], stamp[kept], value[kept])
+        return replace(self, sensors=sensors, inputs=inputs)
+
     def with_inputs(self, value: Array) -> Evidence:
         """Return the evidence with other values (N, m) of the inputs."""
         return replace(self, inputs=replace(self.inputs, value=value))

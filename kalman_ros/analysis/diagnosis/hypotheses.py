@@ -39,11 +39,18 @@ def columns(evidence: Evidence, passage: Passage, tones: Array | None = None) ->
     ``tones`` has one frequency (Hz) for each input, of a sine that may be added to the input.
     """
     labels: list[tuple[str, ...]] = []
-    readings, numbers = {}, [*varied(evidence)]
+    readings, offsets, numbers = {}, {}, [*varied(evidence)]
+    limits = edges(passage)
     for name in dict.fromkeys(event.sensor for event in passage.events):
         block, sensor_labels = _sensor_columns(evidence, passage, name)
         readings[name] = [(len(labels), block)]
         labels += sensor_labels
+        offsets[name] = len(labels) + offset_columns(passage, name, limits)
+        labels += [
+            ('offset', name, str(index), str(piece))
+            for index in range(block.shape[1])
+            for piece in range(len(limits) - 1)
+        ]
     states = _state_columns(evidence, passage, tones, numbers)
     parts = [part for part in states if part[1].shape[2]]
     state = np.concatenate([block for _, block in parts], axis=2)
@@ -52,13 +59,24 @@ def columns(evidence: Evidence, passage: Passage, tones: Array | None = None) ->
         if any(name in each.sensors for each in numbers):
             added = _read_parameters(evidence, passage, name, numbers)
             blocks.append((len(labels) - len(numbers), added))
-    return Columns(labels, readings, state)
+    return Columns(labels, readings, state, offsets)
+
+
+def offset_columns(passage: Passage, name: str, limits: Array) -> Array:
+    """Return the column (E, k) of the offset of each coordinate of the readings of a sensor.
+
+    Each coordinate has a column for each piece between the ``limits`` (B + 1,), in this order.
+    """
+    events, B = [passage.events[i] for i in passage.of(name)], len(limits) - 1
+    pieces = np.searchsorted(limits, [event.time for event in events], 'right') - 1
+    coordinates = np.arange(len(events[0].innovation))
+    return np.asarray(B * coordinates + np.clip(pieces, 0, B - 1)[:, None])
 
 
 def _sensor_columns(
     evidence: Evidence, passage: Passage, name: str
 ) -> tuple[Array, list[tuple[str, ...]]]:
-    """Return the columns of a sensor: mixed coordinates, offsets, early stamps, lever arm."""
+    """Return the columns of a sensor: mixed coordinates, early stamps, lever arm."""
     model = evidence.scenario.model
     events = [passage.events[i] for i in passage.of(name)]
     recorded = evidence.sensors[name].value[[event.index for event in events]]
@@ -66,18 +84,13 @@ def _sensor_columns(
     X, U = np.array([event.x for event in events]), np.array([event.u for event in events])
     values = evidence.scenario.sensors[name].sensor.measure(X)
     N, k = values.shape
-    pieces = np.searchsorted(edges(passage), [event.time for event in events], 'right') - 1
-    B = len(edges(passage)) - 1
-    block = np.zeros((N, k, 2 * k * k + k * B + k + 1))
+    block = np.zeros((N, k, 2 * k * k + k + 1))
     labels: list[tuple[str, ...]] = []
     for kind, mixed in (('mix', values), ('read', recorded)):
         for i in range(k):
             for j in range(k):
                 block[:, i, len(labels)] = mixed[:, j]
                 labels.append((kind, name, str(i), str(j)))
-    for i in range(k):
-        block[np.arange(N), i, len(labels) + pieces] = 1.0
-        labels += [('offset', name, str(i), str(b)) for b in range(B)]
     for i in range(k):
         block[:, i, len(labels)] = np.maximum(values[:, i], 0.0)
         labels.append(('upper', name, str(i)))

@@ -17,13 +17,17 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from kalman_ros.core import Array
 
 from .passage import Passage
+
+#: Number of rows of the regressors that are kept at a time.
+_ROWS = 4096
 
 
 @dataclass(frozen=True)
@@ -39,11 +43,14 @@ class Columns:
         (first, (E, k, p)) in the order of the events of the sensor.
     state
         Effect of the last columns on the state over the step to each event (E, n, p).
+    offsets
+        The column that adds 1 to each coordinate of each reading (E, k), by sensor.
     """
 
     labels: Sequence[tuple[str, ...]]
     readings: Mapping[str, Sequence[tuple[int, Array]]]
     state: Array
+    offsets: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -110,9 +117,10 @@ def responses(passage: Passage, columns: Columns) -> Responses:
     first_state = p - columns.state.shape[2]
     error = np.zeros((n, p))
     seen = Counter[str]()
-    e = np.concatenate([np.zeros(0), *passage.whitened])
-    Z, row = np.zeros((len(e), p)), 0
-    for event, added in zip(passage.events, columns.state):
+    gradient, information = np.zeros(p), np.zeros((p, p))
+    rows = _ROWS + max(map(len, passage.whitened), default=0)
+    Z, whitened, row = np.zeros((rows, p)), np.zeros(rows), 0
+    for event, e, added in zip(passage.events, passage.whitened, columns.state):
         error = event.F.dot(error)
         error[:, first_state:] += added
         response = event.H.dot(error)
@@ -120,7 +128,15 @@ def responses(passage: Passage, columns: Columns) -> Responses:
         seen[event.sensor] += 1
         for first, readings in columns.readings.get(event.sensor, ()):
             response[:, first : first + readings.shape[2]] += readings[row_of_sensor]
+        if event.sensor in columns.offsets:
+            response[range(len(e)), columns.offsets[event.sensor][row_of_sensor]] += 1.0
         error -= event.K.dot(response)
-        event.white.dot(response, out=Z[row : row + len(response)])
-        row += len(response)
-    return Responses(columns.labels, Z.T @ e, Z.T @ Z)
+        end = row + len(e)
+        event.white.dot(response, out=Z[row:end])
+        whitened[row:end] = e
+        row = end
+        if row >= _ROWS or event is passage.events[-1]:
+            gradient += Z[:row].T @ whitened[:row]
+            information += Z[:row].T @ Z[:row]
+            row = 0
+    return Responses(columns.labels, gradient, information)

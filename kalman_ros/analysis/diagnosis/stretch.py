@@ -12,7 +12,7 @@ from kalman_ros.core import Array
 
 from .examination import CHANCE, Examination
 from .finding import Finding
-from .hypotheses import edges
+from .hypotheses import edges, offset_columns
 from .noise_levels import innovations
 from .passage import DROPPED
 from .responses import Columns, fitted, responses
@@ -21,7 +21,8 @@ from .responses import Columns, fitted, responses
 _FEWEST, _MOST = 8, 0.6
 #: Into how many parts a piece is divided where a stretch may begin or end.
 _FINER = 8
-#: Most stretches before some are dropped, most that are named, and most offsets in the search.
+#: Most stretches in the search, of which more are an offset that moves; most that are named, and
+#: most offsets in the search.
 _PARTS, _NAMED, _PIECES = 25, 3, 240
 #: More stretches, or those of more than most of a recording, are an offset that moves.
 _MOST_STRETCHES = 12
@@ -162,7 +163,7 @@ def _find_exactly(case: Examination, name: str, limits: Array) -> Iterator[Findi
     pieces = int(np.clip(readings / _FEW, len(limits) - 1, max(_PIECES // k, len(limits) - 1)))
     limits = np.linspace(limits[0], limits[-1], pieces + 1)
     coarse = _several_of(case, *_offsets(case, name, limits))
-    if coarse is None:
+    if coarse is None or len(coarse.stretches) >= _PARTS:
         return
     around = [
         np.linspace(limits[at - 1], limits[at + 1], 2 * _FINER + 1)
@@ -208,18 +209,13 @@ def _known_offsets(case: Examination, name: str, limits: Array) -> tuple[Array, 
 
 def _offsets(case: Examination, name: str, limits: Array) -> tuple[Array, Array]:
     """Return gradient (B, k) and information (B, k, B, k) of offsets of a sensor in pieces."""
-    events = [case.passage.events[i] for i in case.passage.of(name)]
-    B, k = len(limits) - 1, len(events[0].innovation)
-    block = np.zeros((len(events), k, B, k))
-    pieces = np.searchsorted(limits, [event.time for event in events], 'right') - 1
-    rows = np.flatnonzero((pieces >= 0) & (pieces < B))
-    for index in range(k):
-        block[rows, index, pieces[rows], index] = 1.0
+    offsets, B = offset_columns(case.passage, name, limits), len(limits) - 1
+    k = offsets.shape[1]
     state = np.zeros((len(case.passage.events), len(case.passage.events[0].x), 0))
     labels = [(str(column),) for column in range(B * k)]
-    columns = Columns(labels, {name: [(0, block.reshape(len(events), k, B * k))]}, state)
-    found = responses(case.passage, columns)
-    return found.gradient.reshape(B, k), found.information.reshape(B, k, B, k)
+    found = responses(case.passage, Columns(labels, {}, state, {name: offsets}))
+    information = found.information.reshape(k, B, k, B).transpose(1, 0, 3, 2)
+    return found.gradient.reshape(k, B).T, information
 
 
 def _shifted(case: Examination, name: str, found: Offsets, limits: Array) -> Finding:

@@ -14,11 +14,14 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from kalman_ros.analysis.checks import Check
+from kalman_ros.analysis.diagnosis import first_look
 from kalman_ros.analysis.diagnosis.diagnose import PROOF, Diagnosis, diagnose
+from kalman_ros.analysis.diagnosis.evidence import Evidence
 from kalman_ros.bags.reading import Bag
 from kalman_ros.programs.common_arguments import add_parameters, add_part
 from kalman_ros.programs.refusal import interruptible, refuse
@@ -28,7 +31,7 @@ from kalman_ros.scenario.parameter_files import overrides
 from .loading import failed_checks, load
 from .proposal import describe, propose
 from .proposal_tables import matches_table, topics_table
-from .tables import findings_table, sentences, summary, unexplained, verdict
+from .tables import findings_table, first_sight, sentences, summary, unexplained, verdict
 
 
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
@@ -72,6 +75,7 @@ def main(argv: Sequence[str] | None = None) -> None:
             progress('replaying the recording')
             part = options.start, options.end
             evidence = load(options.bag, options.params_file, changes, part)
+            show_first_look(evidence, progress, console)
             diagnosis = diagnose(evidence, progress)
             failed = [] if diagnosis.findings else failed_checks(evidence)
     except (ValueError, OSError) as error:
@@ -103,6 +107,20 @@ def describe_and_propose(path: Path, folder: Path, console: Console) -> int:
     console.print('Check its model_parameters, then:', markup=False)
     console.print(f'    ./dev doctor {path} --params-file {file}', markup=False, soft_wrap=True)
     return 0
+
+
+def show_first_look(evidence: Evidence, progress: Callable[[str], None], console: Console) -> None:
+    """Print the findings in a short part of a long recording, before the whole is examined."""
+    first = first_look.part(evidence)
+    if first is None:
+        return
+    part, begin, end = first
+    progress(f'a first look, from t = {begin:.3g} to {end:.3g} s')
+    try:
+        diagnosis = diagnose(part, proofs=False)
+    except (ValueError, np.linalg.LinAlgError):
+        return  # it is too short for this recording, and the whole is examined next
+    console.print(first_sight(diagnosis, begin, end), style='dim')
 
 
 @contextmanager

@@ -15,6 +15,9 @@ from kalman_ros.analysis.diagnosis.finding import Finding
 from kalman_ros.report.run_tables import plain, plain_table
 from kalman_ros.scenario.parameter_text import yaml_value
 
+#: How many findings of a first look are named.
+_FIRST = 3
+
 
 def findings_table(diagnosis: Diagnosis) -> Table:
     """Return the ranked findings: kind, subject, certainty, share of the misfit explained."""
@@ -26,6 +29,17 @@ def findings_table(diagnosis: Diagnosis) -> Table:
         sure = f'{min(99.0, 100.0 * finding.certainty):.0f} %'
         table.add_row(f'{number} {finding.kind}', finding.subject, sure, explains, gain, proof)
     return table
+
+
+def first_sight(diagnosis: Diagnosis, begin: float, end: float) -> str:
+    """Return what a part of a recording shows, from ``begin`` to ``end`` (s), as a sentence."""
+    found = [
+        f'{finding.kind} of {finding.subject}'
+        + (f' ({100.0 * finding.certainty:.0f} %)' if finding.gain > 0.0 else '')
+        for finding in diagnosis.findings[:_FIRST]
+    ]
+    said = ', '.join(found) or 'nothing is wrong'
+    return f'At first sight, from t = {begin:.3g} to {end:.3g} s: {said}.'
 
 
 def sentences(diagnosis: Diagnosis) -> Iterator[str]:
