@@ -179,8 +179,13 @@ def test_the_numbers_of_a_linear_model_are_those_of_its_matrices(spring):
         'A[1]': 1.0, 'A[2]': -2.0, 'noise_density': 1.0,
     }  # fmt: skip
     assert 'A[0]' not in found
-    changed = parameter(evidence, 'A[2]').change(-3.0001)
+    changed = parameter(evidence, 'A[2]').change(-3.00001)
     assert changed == {'model_parameters.A': [0.0, 1.0, -3.0, 0.0]}
+    exact = replace(
+        spring, parameters={**values, 'model_parameters.A': [0.0, 1.23456789, -2.0, 0.0]}
+    )
+    changed = parameter(exact, 'A[2]').change(-3.0)  # rounds what changes, and nothing else
+    assert changed == {'model_parameters.A': [0.0, 1.23456789, -3.0, 0.0]}
     doubled = parameter(evidence, 'noise_density').change(2.0)
     assert doubled == {'model_parameters.noise_density': [0.0, 1.0]}
 

@@ -81,7 +81,7 @@ def test_an_input_acts_alike_in_both_directions(half, gain, found):
 def test_the_delay_of_an_input_is_the_lag_that_explains_most(weight, gain, found):
     labels = [('lag', 'f', '1'), ('lag', 'f', '2')]
     size, std = [0.1, weight], [0.1, abs(weight) / gain**0.5]
-    findings = inputs._find_delay(pushed(labels, size, std, **SLOW), 'f', 0)
+    findings = inputs._find_delays(pushed(labels, size, std, **SLOW))
     assert kinds(findings) == (['input delay'] if found else [])
     for finding in findings:
         assert finding.gain == pytest.approx(finding.z**2) == pytest.approx(gain)
@@ -166,7 +166,7 @@ def test_a_scale_differs_by_more_than_three_in_a_thousand(size, gain, square, fo
         assert finding.change['position.C'][0] == pytest.approx(1.0 / (1.0 - size), rel=1e-5)
         assert finding.dues == pytest.approx(-14.0 * np.log(1.0 - size))
         std = abs(size) / gain**0.5
-        for more, again in ((1.9 * std, False), (2.1 * std, True)):
+        for more, again in ((0.29 * std, False), (0.31 * std, True)):
             after = finding.again(scaled(more, (more / std) ** 2))
             assert (after is not None) is again
         corrected = after.mended().sensors['position'].value
@@ -281,7 +281,7 @@ def test_a_lever_arm_is_two_centimetres_or_more(monkeypatch, size, gain, found):
         (arm,) = finding.change.values()
         assert arm == pytest.approx([0.1, size, 0.3], rel=1e-2)
         assert finding.parameters == 3
-        for more, again in ((1.9, False), (2.1, True)):
+        for more, again in ((0.29, False), (0.31, True)):
             after = responding(labels, [0.0, 0.0, more * std], [std] * 3)
             assert (finding.again(after) is not None) is again
 

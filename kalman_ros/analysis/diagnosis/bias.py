@@ -16,6 +16,7 @@ from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
 from .hypotheses import edges
+from .passage import explained
 from .responses import Fit, Responses
 
 #: The gain that each further fitted number must have, about log N of a recording.
@@ -34,6 +35,8 @@ _DECLARED = 4.0
 _LONGEST = 20_000
 #: Largest certainty of a walk, which has the shape of any slow cause without a name here.
 _SUREST = 0.8
+#: A walk is about constant if its mean is this many times its standard deviation.
+_STEADY = 3.0
 #: Trial intensities of random walks, relative to the variance that the data allow.
 _INTENSITIES = np.geomspace(1e-4, 1e4, 33)
 
@@ -83,26 +86,54 @@ def without_declared(case: Examination) -> Evidence:
     declared to be remains.
     """
     evidence, limits = case.evidence, edges(case.passage)
+    priors, columns = _declared(case)
+    if not priors:
+        return evidence
+    offsets = _inverse(case, priors, columns) @ case.responses.gradient[columns]
+    for (name, index, covariance), path in zip(priors, offsets.reshape(len(priors), -1)):
+        if np.abs(path).max() <= _DECLARED * covariance.diagonal().max() ** 0.5:
+            evidence = _shifted(evidence, name, index, path, limits)
+    return evidence
+
+
+def integrated(case: Examination) -> Examination:
+    """Return the case with responses from which the declared biases are integrated out.
+
+    The rest of the innovations is what no such bias explains: with the offsets b as above, g and M
+    become g - M_b (M_bb + S^-1)^-1 g_b and M - M_b (M_bb + S^-1)^-1 M_b'.
+    """
+    priors, columns = _declared(case)
+    if not priors:
+        return case
+    g, M = case.responses.gradient, case.responses.information
+    share = M[:, columns] @ _inverse(case, priors, columns)
+    left = Responses(case.responses.labels, g - share @ g[columns], M - share @ M[columns])
+    return Examination(case.evidence, case.strict, case.passage, left)
+
+
+def _declared(case: Examination) -> tuple[list[tuple[str, int, Array]], list[int]]:
+    """Return the prior covariance of each declared bias in pieces, and the columns of all."""
+    limits = edges(case.passage)
     middles = 0.5 * (limits[1:] + limits[:-1]) - limits[0]
     priors: list[tuple[str, int, Array]] = []
     columns: list[int] = []
     for name in case.judged:
-        bias = evidence.scenario.sensors[name].bias
+        bias = case.evidence.scenario.sensors[name].bias
         for index in range(0 if bias is None else len(bias.covariance)):
             assert bias is not None
             walk = bias.density[index, index] * np.minimum.outer(middles, middles)
             priors.append((name, index, bias.covariance[index, index] + walk))
             columns += case.responses.columns('offset', name, str(index))
-    if not priors:
-        return evidence
+    return priors, columns
+
+
+def _inverse(
+    case: Examination, priors: Sequence[tuple[str, int, Array]], columns: Sequence[int]
+) -> Array:
+    """Return (M + S^-1)^-1 of offsets with the information M and the prior covariance S."""
     prior = block_diag(*(covariance for _, _, covariance in priors))
     information = case.responses.information[np.ix_(columns, columns)]
-    gradient = case.responses.gradient[columns]
-    offsets = prior @ np.linalg.solve(np.eye(len(prior)) + information @ prior, gradient)
-    for (name, index, covariance), path in zip(priors, offsets.reshape(len(priors), -1)):
-        if np.abs(path).max() <= _DECLARED * covariance.diagonal().max() ** 0.5:
-            evidence = _shifted(evidence, name, index, path, limits)
-    return evidence
+    return np.asarray(prior @ np.linalg.inv(np.eye(len(prior)) + information @ prior))
 
 
 def _shifted(evidence: Evidence, name: str, index: int, path: Array, limits: Array) -> Evidence:
@@ -236,6 +267,9 @@ def _finding(case: Examination, name: str, courses: dict[int, Course], limits: A
             gain, path = wandering.likeliest(case.passage, name, indices, densities)
         except np.linalg.LinAlgError:
             return coarse
+        constant = _constant(case, name, courses, path, limits)
+        if constant is not None and constant.gain > (1.0 - _AS_MUCH) * gain - CHANCE:
+            return constant
         times = np.array([events[k].time for k in case.passage.of(name)])
         predicted = np.array(
             [record.value[events[k].index] - events[k].innovation for k in case.passage.of(name)]
@@ -263,6 +297,30 @@ def _finding(case: Examination, name: str, courses: dict[int, Course], limits: A
     return found
 
 
+def _constant(
+    case: Examination, name: str, courses: Mapping[int, Course], path: Array, limits: Array
+) -> Finding | None:
+    """Return the bias about which a walk wanders by little, with its gain; None without one.
+
+    A filter that the bias misleads may be too far off for a regression to find it.
+    """
+    mean, spread = path.mean(axis=0), path.std(axis=0)
+    about = {
+        index: Course('constant', np.full(len(course.values), size), course.gain)
+        for (index, course), size, std in zip(courses.items(), mean.tolist(), spread.tolist())
+        if abs(size) > _STEADY * std
+    }
+    if not about:
+        return None
+    found = _finding(case, name, about, limits)
+    assert found.mended is not None
+    try:
+        gain = explained(case.passage, Examination(found.mended()).passage)
+    except np.linalg.LinAlgError:
+        return None
+    return replace(found, gain=gain, z=max(gain, 0.0) ** 0.5)
+
+
 def _numbers_of(kind: str) -> int:
     """Return how many numbers are fitted: a size, and when a step begins."""
     return 2 if kind == 'step' else 1
@@ -276,4 +334,4 @@ def _describe(course: Course, limits: Array) -> str:
         return f'drifts by {rate:+.3g} a second'
     std = float(course.fit.std[0]) if course.fit else 0.0
     since = f' from t = {limits[course.began] - limits[0]:.3g} s on' if course.began else ''
-    return f'by {course.values[-1]:+.3g} ± {std:.1g}{since}'
+    return f'by {course.values[-1]:+.4g} ± {std:.1g}{since}'

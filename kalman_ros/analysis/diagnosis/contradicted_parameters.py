@@ -15,11 +15,12 @@ from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Finding
 from .parameters import Parameter, parameter
-from .passage import explained
 from .responses import Fit
+from .tested import likelier, tested
 
-#: Longest step of a logarithm, and the shares of a step that are tried.
-_FARTHEST, _SHARES = 10.0, (1.0, 0.5, 0.25)
+#: Longest step of a logarithm, the shares of a step that are tried, and the share of its promised
+#: gain from which a step holds.
+_FARTHEST, _SHARES, _HOLDS = 10.0, (1.0, 0.5, 0.25), 0.5
 
 
 def find(case: Examination) -> list[Finding]:
@@ -41,63 +42,64 @@ def find(case: Examination) -> list[Finding]:
     return findings
 
 
-def _changed(case: Examination, found: Parameter, fit: Fit, configured: float) -> Finding | None:
+def _changed(
+    case: Examination, found: Parameter, fit: Fit, configured: float, before: float = 1.0
+) -> Finding | None:
     """Return the finding that a parameter is a fitted step away; None if that is invalid.
 
-    A step beyond the range of a parameter, such as below zero, is taken in its logarithm, and
-    shortened to what explains most.
+    A factor that is ``found`` multiplies what an earlier step left, ``before`` times the first.
+
+    A step beyond the range of a parameter, such as below zero, is taken in its logarithm, and so
+    is one after which the filter does not explain what it promises: then in shares, too.
     """
-    fitted = found.value + float(fit.size[0])
-    if _is_valid(case.evidence, found.change(fitted)):
-        return _stepped(case, found, fit, fitted, configured)
-    if not found.value:
-        return None
-    step = min(float(fit.size[0]) / found.value, _FARTHEST)
-    trials = [found.value * exp(share * step) for share in _SHARES]
+    trials = [found.value + float(fit.size[0])]
+    if found.value:
+        step = min(max(float(fit.size[0]) / found.value, -_FARTHEST), _FARTHEST)
+        trials += [found.value * exp(share * step) for share in _SHARES]
     valid = [each for each in trials if _is_valid(case.evidence, found.change(each))]
     if not valid:
         return None
+    steps = [_stepped(case, found, fit, each, configured, before) for each in valid]
 
     def best() -> Finding:
-        candidates = [_stepped(case, found, fit, each, configured) for each in valid]
-        return max(candidates, key=partial(_explained, case))
+        explains, first = tested(case, steps[0])
+        if valid[0] == trials[0] and explains > _HOLDS * fit.gain:
+            return first
+        return likelier(case, *steps)
 
-    return replace(_stepped(case, found, fit, valid[0], configured), exact=best)
+    return replace(steps[0], exact=best)
 
 
 def _stepped(
-    case: Examination, found: Parameter, fit: Fit, fitted: float, configured: float
+    case: Examination, found: Parameter, fit: Fit, fitted: float, configured: float, before: float
 ) -> Finding:
     """Return the finding that a parameter has a fitted value."""
-    name, change = found.name, found.change(fitted)
+    name, change, std = found.name, found.change(fitted), before * float(fit.std[0])
+    factor = before * fitted if found.row else 1.0
 
     def again(after: Examination) -> Finding | None:
         column = after.responses.columns('parameter', name)
         more = after.responses.alone(column[0]) if column else None
-        if more is None or not abs(float(more.size[0])) > 2.0 * float(more.std[0]):
+        if more is None or not more.remains:
             return None
-        return _changed(after, parameter(after.evidence, name), more, configured)
+        return _changed(after, parameter(after.evidence, name), more, configured, factor)
 
+    wrong = f'{name}: {fitted:.4g} ± {std:.1g} fits, {configured:g} is configured.'
+    if found.row:
+        wrong = (
+            f'the row of {found.row} in A and B: {factor:.4g} ± {std:.1g} times that row fits, as '
+            'with another mass or time constant.'
+        )
     return Finding(
         'parameter',
         name,
-        f'the data contradict {name}: {fitted:.3g} ± {fit.std[0]:.1g} fits, '
-        f'{configured:g} is configured.',
+        f'the data contradict {wrong}',
         fit.gain**0.5,
         change,
         gain=fit.gain,
         mended=partial(case.evidence.adopting, change),
         again=again,
     )
-
-
-def _explained(case: Examination, finding: Finding) -> float:
-    """Return what the correction of a finding explains; nothing if the filter fails with it."""
-    assert finding.mended is not None
-    try:
-        return explained(case.passage, Examination(finding.mended()).passage)
-    except np.linalg.LinAlgError:
-        return -np.inf
 
 
 def _is_valid(evidence: Evidence, change: Mapping[str, Any]) -> bool:

@@ -69,12 +69,16 @@ FITTED: Sequence[Detector] = (
 SIMPLE: Sequence[Detector] = (
     units.find, mounting.find, bias.find, inputs.find, contradicted_parameters.find,
 )  # fmt: skip
+#: Detectors of findings of a constant size.
+CONSTANT: Sequence[Detector] = (
+    units.find, mounting.find, inputs.find, contradicted_parameters.find, lever_arms.find,
+)  # fmt: skip
 #: Largest numbers of rounds, of findings that are tried in a round, and of those of one kind.
 _ROUNDS, _TRIED, _ALIKE = 6, 10, 3
 #: Number of causes of the first seconds of a lost filter that are tried.
 _EARLY = 3
-#: How often the size of a finding is fitted again.
-_REFINED = 3
+#: How often the size of a finding is fitted again, and of how many beside the best one.
+_REFINED, _NEAREST = 3, 3
 #: A finding is tried if its predicted gain is at least this share of the best gain. The second
 #: share applies to reliable predictions: the filter is not lost, and the gain is above `_SURE`.
 _CLOSE, _CLOSER, _SURE = 0.4, 0.5, 1000.0
@@ -129,14 +133,16 @@ def diagnose(
     if not case.passage.events:
         return Diagnosis(_rank(findings), remarks, before, before)
     notes = [*remarks, *unobserved_states.find(case)]
+    uncorrected: Examination | None = None
     if any(source.bias is not None for source in evidence.scenario.enabled.values()):
-        case = Examination(bias.without_declared(case))
+        uncorrected, case = case, Examination(bias.without_declared(case))
     findings += gates.find(case)
     for number in range(_ROUNDS):
         progress(f'causes of the misfit, {number + 1}{_so_far(findings)}')
-        best = _find_best(case, findings)
+        best = _find_best(case, findings, uncorrected)
         if best is None:
             break
+        uncorrected = None
         finding, case = best
         findings.append(finding)
     findings += common_noise.find(case)
@@ -194,19 +200,78 @@ def same(one: Finding, other: Finding) -> bool:
     return (one.kind, one.subject) == (other.kind, other.subject)
 
 
-def _find_best(case: Examination, known: Sequence[Finding]) -> tuple[Finding, Examination] | None:
-    """Return the finding that explains most, with its actual gain, and the corrected case."""
-    count = sum(len(e) for e in case.passage.whitened)
-    threshold = max(CHANCE, _RELEVANT * count)
-    dimension = log(max(count, 2))
-    promised = [
-        replace(finding, gain=finding.gain - dimension * finding.parameters)
-        for detector in FITTED
-        for finding in detector(case)
-    ]
-    promised.sort(key=_gain, reverse=True)
-    tried: list[Finding] = []
-    best, after = None, case
+class _Trials:
+    """Causes that were tried on a case, the best one, and the case corrected by it."""
+
+    def __init__(self, case: Examination) -> None:
+        count = sum(len(e) for e in case.passage.whitened)
+        self.case, self.after = case, case
+        #: The smallest gain of a cause, and the cost of each number that it fits.
+        self.threshold, self.dimension = max(CHANCE, _RELEVANT * count), log(max(count, 2))
+        #: The nearest finding of each cause, by kind and subject.
+        self.tried: dict[tuple[str, str], Finding] = {}
+        self.best: Finding | None = None
+
+    def gain(self, finding: Finding, after: Examination) -> float:
+        """Return the gain of a finding, with the case that is corrected by it."""
+        change = explained(self.case.passage, after.passage) - finding.dues
+        exact = finding.gain if finding.is_exact else change
+        return exact - self.dimension * finding.parameters
+
+    def add(self, finding: Finding, after: Examination) -> None:
+        """Add a finding with its gain, if that is no chance."""
+        gain = self.gain(finding, after)
+        if gain <= self.threshold:
+            return
+        cause, finding = (finding.kind, finding.subject), replace(finding, gain=gain, passage=None)
+        self.tried[cause] = max(finding, self.tried.get(cause, finding), key=_gain)
+        if self.best is None or gain > self.best.gain:
+            self.best, self.after = finding, after
+
+    def add_nearer(self, finding: Finding, after: Examination) -> None:
+        """Add a finding with a better size.
+
+        The size is that of a linearisation. It is fitted again about the corrected case, as long
+        as the gain grows (Newton's method).
+        """
+        finding = replace(finding, gain=self.gain(finding, after))
+        for _ in range(_REFINED):
+            better = finding.again and finding.again(after)
+            if not better or better.mended is None:
+                break
+            try:
+                nearer = Examination(better.mended())
+                gain = self.gain(better, nearer)
+            except (ValueError, np.linalg.LinAlgError):
+                break
+            if gain <= finding.gain:
+                break
+            finding, after = replace(better, gain=gain, same_as=finding.same_as), nearer
+        self.add(finding, after)
+
+    def result(self) -> tuple[Finding, Examination] | None:
+        """Return the best finding with its certainty, and the corrected case; None without one."""
+        if self.best is None:
+            return None
+        finding = self.best
+        rivals = [rival for rival in self.tried.values() if not same(rival, finding)]
+        share = certainty(finding.gain, [rival.gain for rival in rivals])
+        whole = completeness(self.case.passage, self.after.passage)
+        tied = [(f.kind, f.subject) for f in rivals if f.gain > _TIED * finding.gain]
+        return replace(
+            finding, certainty=min(share * whole, finding.most), same_as=(*finding.same_as, *tied)
+        ), self.after
+
+
+def _find_best(
+    case: Examination, known: Sequence[Finding], before: Examination | None = None
+) -> tuple[Finding, Examination] | None:
+    """Return the finding that explains most, with its actual gain, and the corrected case.
+
+    ``before`` is the case with the biases that the estimator follows, where it has any.
+    """
+    trials = _Trials(case)
+    promised = _promised(case, FITTED, trials.dimension)
     sure = bool(promised) and promised[0].gain > _SURE and not gross.lost(case)
     share = _CLOSER if sure else _CLOSE
     # findings of filter passes come first: for a lost filter, regressions predict arbitrary gains
@@ -214,34 +279,54 @@ def _find_best(case: Examination, known: Sequence[Finding]) -> tuple[Finding, Ex
     sentences = {finding.sentence for finding in from_passes}
     others = [f for f in promised if _is_new(f, known) and f.sentence not in sentences]
     for finding in [*from_passes, *_limit_kinds(others)][:_TRIED]:
-        if finding.gain <= threshold or not _is_new(finding, known):
+        if finding.gain <= trials.threshold or not _is_new(finding, known):
             continue
+        best = trials.best
         if best and finding not in from_passes and finding.gain < share * best.gain:
             break
         try:
             finding = finding.exact() if finding.exact else finding
-            other = (
-                Examination(finding.mended(), known=finding.passage) if finding.mended else case
-            )
-            gain = explained(case.passage, other.passage) - finding.dues
-            gain = (finding.gain if finding.is_exact else gain) - dimension * finding.parameters
+            mended = finding.mended and Examination(finding.mended(), known=finding.passage)
+            trials.add(finding, mended or case)
         except np.linalg.LinAlgError:
             continue
-        if gain > threshold:
-            tried.append(replace(finding, gain=gain))
-        if gain > (best.gain if best else threshold):
-            best, after = tried[-1], other
-    if best is None:
-        return None
-    finding, after = _refine(case, best, after, dimension)
-    rivals = [rival for rival in tried if not same(rival, finding)]
-    share = certainty(finding.gain, [rival.gain for rival in rivals])
-    whole = completeness(case.passage, after.passage)
-    finding = replace(finding, certainty=min(share * whole, finding.most))
-    equivalent = [
-        (rival.kind, rival.subject) for rival in rivals if rival.gain > _TIED * finding.gain
-    ]
-    return replace(finding, same_as=(*finding.same_as, *equivalent)), after
+    if before is not None:
+        _try_before(before, trials)
+    if best := trials.best:
+        trials.add_nearer(best, trials.after)
+        # a walk has the shape of any slow cause, whose size may still be wrong
+        near = 0.0 if best.most < 1.0 else _TIED * best.gain
+        tried = trials.tried.values()
+        rivals = [f for f in tried if f.again and f.gain > near and not same(f, best)]
+        for finding in sorted(rivals, key=_gain, reverse=True)[:_NEAREST]:
+            assert finding.mended is not None
+            trials.add_nearer(finding, Examination(finding.mended()))
+    return trials.result()
+
+
+def _promised(case: Examination, detectors: Sequence[Detector], dimension: float) -> list[Finding]:
+    """Return the findings of detectors with what each promises, the most promising first."""
+    found = (finding for detector in detectors for finding in detector(case))
+    promised = (replace(f, gain=f.gain - dimension * f.parameters) for f in found)
+    return sorted(promised, key=_gain, reverse=True)
+
+
+def _try_before(before: Examination, trials: _Trials) -> None:
+    """Try the causes of a constant size beside the declared biases, before these are removed.
+
+    The biases that the estimator follows take up most of the effect of a scale or a mounting.
+    """
+    promised = _promised(bias.integrated(before), CONSTANT, trials.dimension)
+    for finding in _limit_kinds(promised)[:_NEAREST]:
+        nearest: Finding | None = finding
+        while nearest and nearest.mended and nearest.gain > trials.threshold:
+            try:
+                after = Examination(nearest.mended())
+                trials.add(nearest, Examination(bias.without_declared(after)))
+                once_more = nearest is finding and nearest.again
+                nearest = once_more(bias.integrated(after)) if once_more else None
+            except (ValueError, np.linalg.LinAlgError):
+                break
 
 
 def _from_the_beginning(case: Examination) -> list[Finding]:
@@ -280,30 +365,6 @@ def completeness(before: Passage, after: Passage) -> float:
     start, end = before.mean_square, after.mean_square
     change, left = abs(start - end), max(abs(end - 1.0) - _CONSISTENT, 0.0)
     return (change / (change + left)) ** 2 if change + left > 0.0 else 1.0
-
-
-def _refine(
-    case: Examination, finding: Finding, after: Examination, dimension: float
-) -> tuple[Finding, Examination]:
-    """Return a finding with a better size, and the case corrected by it.
-
-    The size is that of a linearisation. It is fitted again about the corrected case, as long as
-    the gain grows (Newton's method).
-    """
-    for _ in range(_REFINED):
-        better = finding.again and finding.again(after)
-        if not better or better.mended is None:
-            break
-        try:
-            nearer = Examination(better.mended())
-            gain = explained(case.passage, nearer.passage) - better.dues
-        except (ValueError, np.linalg.LinAlgError):
-            break
-        gain -= dimension * better.parameters
-        if gain <= finding.gain:
-            break
-        finding, after = replace(better, gain=gain, same_as=finding.same_as), nearer
-    return finding, after
 
 
 def _gain(finding: Finding) -> float:

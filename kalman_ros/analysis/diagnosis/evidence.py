@@ -89,6 +89,10 @@ class Evidence:
         """Return the evidence with other values (N, m) of the inputs."""
         return replace(self, inputs=replace(self.inputs, value=value))
 
+    def with_late_inputs(self, seconds: float) -> Evidence:
+        """Return the evidence with inputs that act ``seconds`` after their stamps."""
+        return replace(self, inputs=replace(self.inputs, stamp=self.inputs.stamp + seconds))
+
     def adopting(self, changes: Mapping[str, Any]) -> Evidence:
         """Return the evidence with other parameters, without a replay.
 

@@ -27,12 +27,13 @@ class Examination:
     """Evidence, the pass of a filter over it, and the responses of its innovations to faults.
 
     If the filter fails, the pass ends there, or raises an error if it is ``strict``. The pass is
-    computed unless it is ``known``.
+    computed unless it is ``known``, and so are the responses unless they are ``given``.
     """
 
     evidence: Evidence
     strict: bool = True
     known: Passage | None = None
+    given: Responses | None = None
 
     @cached_property
     def passage(self) -> Passage:
@@ -49,7 +50,9 @@ class Examination:
     @cached_property
     def responses(self) -> Responses:
         """Regression of the innovations on every additive fault."""
-        return responses(self.passage, columns(self.evidence, self.passage, self.tones))
+        return self.given or responses(
+            self.passage, columns(self.evidence, self.passage, self.tones)
+        )
 
     @cached_property
     def scores(self) -> NoiseScores:

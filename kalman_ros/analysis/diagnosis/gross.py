@@ -31,7 +31,7 @@ _ROTATION_SECONDS, _SMALLEST_ROTATION = 20.0, 0.2
 #: Two sizes are alike if the logarithm of their ratio is below this.
 _ALIKE = 0.3
 #: Trial factors of each coordinate.
-_FACTORS = (-1.0, pi / 180.0, 180.0 / pi, 1.0 / 3.6, 1e-3)
+_FACTORS = (-1.0, pi / 180.0, 180.0 / pi, 1.0 / 3.6, 1e-3, 9.80665)
 
 
 def find(case: Examination) -> list[Finding]:

@@ -22,8 +22,9 @@ PIECES, _SHORTEST = 30, 1.0
 #: Number of trial delays of inputs, from one sample of the loop on, and the longest (s), also as a
 #: share of the recording.
 _LAGS, _LONGEST, _LONGEST_SHARE = 12, 10.0, 0.1
-#: Trial dead zones, as quantiles of the magnitude of the input.
-DEAD = (0.2, 0.35, 0.5, 0.65, 0.8)
+#: Trial dead zones: quantiles of the magnitude of the input where it is not zero, and shares of
+#: the first one, for an input that is seldom small.
+_DEAD, _SMALLER = (0.2, 0.35, 0.5, 0.65, 0.8), (0.15, 0.4)
 
 
 def edges(passage: Passage) -> Array:
@@ -199,7 +200,7 @@ def _input_columns(
         labels.append(('lag', str(lag)))
         seconds = lag / evidence.scenario.rate
         pushes.append(held(stamps, values, times - seconds) - u)
-    for size in np.quantile(np.abs(values), DEAD) if len(values) else ():
+    for size in _dead_zones(values):
         labels.append(('dead', repr(float(size))))
         pushes.append(-np.clip(u, -size, size))
     if tones is not None:
@@ -207,6 +208,15 @@ def _input_columns(
             labels.append(('tone', repr(float(tones[index])), wave.__name__))
             pushes.append(wave(2.0 * np.pi * tones[index] * times))
     return labels, np.stack(pushes, axis=1)
+
+
+def _dead_zones(values: Array) -> list[float]:
+    """Return the trial dead zones of an input with these values (N,)."""
+    magnitudes = np.abs(values[values != 0.0])
+    if not len(magnitudes):
+        return []
+    sizes: list[float] = np.quantile(magnitudes, _DEAD).tolist()
+    return [*(share * sizes[0] for share in _SMALLER), *sizes]
 
 
 def alike(space: Space) -> list[tuple[int, ...]]:

@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,24 +16,22 @@ from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
 from .hypotheses import edges, held
+from .tested import likelier
 
 #: A gain that differs from 1 by less than the first number is no finding; a gain of 1 plus the
 #: second number or less has the wrong sign.
 _RELEVANT, _REVERSED = 0.05, -1.3
-#: Range of the fitted share of the best zone; a share outside this range is no dead zone.
+#: Range of the fitted share of a zone: outside of it the zone is another one, or none.
 _DEAD_SHARE = (0.3, 1.5)
 
 
 def find(case: Examination) -> list[Finding]:
     """Return the faults of the inputs."""
-    delays = []
-    for index, name in enumerate(case.evidence.scenario.model.input.names):
-        if case.responses.columns('gain', name):
-            delays += _find_delay(case, name, index)
     return [
         *_find_gains(case),
         *_find_asymmetries(case),
-        *delays,
+        *_find_delays(case),
+        *_find_late(case),
         *_find_dead_zones(case),
         *_find_disturbances(case),
         *_find_tones(case),
@@ -123,33 +122,88 @@ def _asymmetric(
     )  # fmt: skip
 
 
-def _find_delay(case: Examination, name: str, index: int) -> list[Finding]:
-    """Return the delay of an input, from the lag of its effect or from lost commands.
+def _find_delays(case: Examination) -> list[Finding]:
+    """Return the delay of each input, from the lag of its effect or from lost commands.
 
     A command that is lost with the probability p leaves the previous command in effect. The
     average is (1 - p) u_k + p u_{k-1}, a lag of one sample with the weight p.
     """
-    labels = case.responses.columns('lag', name)
-    fits = {int(case.responses.labels[c][2]): case.responses.alone(c) for c in labels}
-    lag, fit = max(fits.items(), key=lambda item: item[1].gain)
-    weight = float(fit.size[0])
-    if fit.gain < CHANCE or weight <= 0.0:
-        return []
-    evidence, dt = case.evidence, 1.0 / case.evidence.scenario.rate
-    stamps, u = evidence.inputs.stamp, evidence.inputs.value[:, index]
-    delayed = held(stamps, u, stamps - lag * dt + 2e-6)
-    delay = weight * lag * dt
-    return [
-        Finding(
-            'input delay',
-            name,
+    findings = []
+    for index, name in enumerate(case.evidence.scenario.model.input.names):
+        found = _delay(case, name)
+        if found is None or found.gain < CHANCE or found.weight <= 0.0:
+            continue
+        delay, column = found.seconds, case.evidence.inputs.value[:, index]
+        lost = column + min(found.weight, 1.0) * (_later(case, index, found.lag) - column)
+        each = Finding(
+            'input delay', name,
             f'the input {name} acts {delay:.3g} s after its command on average: a delay of the '
-            f'actuator, or commands that are lost while the one before stays in effect.',
-            fit.gain**0.5,
-            gain=fit.gain,
-            mended=lambda: _with_input(evidence, index, u + min(weight, 1.0) * (delayed - u)),
-        )
-    ]
+            'actuator, or commands that are lost while the one before stays in effect.',
+            found.gain**0.5, gain=found.gain,
+            mended=partial(_with_input, case.evidence, index, lost),
+        )  # fmt: skip
+        pure = partial(_with_input, case.evidence, index, _later(case, index, delay))
+        both = each, replace(each, mended=pure)
+        findings.append(replace(each, exact=partial(likelier, case, *both)))
+    return findings
+
+
+class _Delay(NamedTuple):
+    """A trial lag in s with its fitted weight, the standard deviation of that, and its gain."""
+
+    lag: float
+    weight: float
+    std: float
+    gain: float
+
+    @property
+    def seconds(self) -> float:
+        """The delay in s."""
+        return self.weight * self.lag
+
+
+def _delay(case: Examination, *name: str) -> _Delay | None:
+    """Return the likeliest delay of an input, or without a name of all of them together."""
+    lags: dict[str, list[int]] = {}
+    for column in case.responses.columns('lag', *name):
+        lags.setdefault(case.responses.labels[column][2], []).append(column)
+    fits = {lag: case.responses.fit(np.ones((len(each), 1)), each) for lag, each in lags.items()}
+    if not fits:
+        return None
+    lag, fit = max(fits.items(), key=lambda item: item[1].gain)
+    seconds = int(lag) / case.evidence.scenario.rate
+    return _Delay(seconds, float(fit.size[0]), float(fit.std[0]), fit.gain)
+
+
+def _later(case: Examination, index: int, seconds: float) -> Array:
+    """Return the values (N,) of an input that acts ``seconds`` late."""
+    stamps, values = case.evidence.inputs.stamp, case.evidence.inputs.value[:, index]
+    return held(stamps, values, stamps - seconds + 2e-6)
+
+
+def _find_late(case: Examination) -> list[Finding]:
+    """Return the delay of all inputs, which are in one message, as a pure delay."""
+    found = _delay(case)
+    if found is None or found.gain < CHANCE or found.weight <= 0.0:
+        return []
+    return [_late(case.evidence, found.seconds, found.std * found.lag, found.gain)]
+
+
+def _late(evidence: Evidence, seconds: float, std: float, gain: float) -> Finding:
+    """Return the finding that all inputs act late."""
+    names = ', '.join(evidence.scenario.model.input.names)
+
+    def again(after: Examination) -> Finding | None:
+        """Return the delay with what remains of it."""
+        more = _delay(after)
+        return more and _late(evidence, seconds + more.seconds, more.std * more.lag, gain)
+
+    return Finding(
+        'input delay', names,
+        f'the input acts {seconds:.4g} ± {std:.1g} s after its command: a delay of the actuator, '
+        'or of the connection to it.',
+        gain**0.5, gain=gain, mended=lambda: evidence.with_late_inputs(seconds), again=again,
+    )  # fmt: skip
 
 
 def _find_dead_zones(case: Examination) -> list[Finding]:
@@ -160,15 +214,14 @@ def _find_dead_zones(case: Examination) -> list[Finding]:
     )  # fmt: skip
     for index, name in enumerate(case.evidence.scenario.model.input.names):
         columns = case.responses.columns('dead', name)
-        fits = [case.responses.alone(column) for column in columns]
-        best = max(range(len(fits)), key=lambda i: fits[i].gain, default=None)
-        if best is None or fits[best].gain < CHANCE:
+        fits = [(case.responses.alone(column), column) for column in columns]
+        near = [each for each in fits if _DEAD_SHARE[0] < each[0].size[0] < _DEAD_SHARE[1]]
+        fit, column = max(near, key=lambda each: each[0].gain, default=(None, 0))
+        if fit is None or fit.gain < CHANCE:
             continue
-        if not _DEAD_SHARE[0] < fits[best].size[0] < _DEAD_SHARE[1]:
-            continue
-        zone = float(fits[best].size[0]) * float(case.responses.labels[columns[best]][2])
+        zone = float(fit.size[0]) * float(case.responses.labels[column][2])
         clipped = np.clip(case.evidence.inputs.value[:, index], -zone, zone)
-        joint.add(index, -clipped, fits[best].gain, f'{zone:.3g} of {name}')
+        joint.add(index, -clipped, fit.gain, f'{zone:.3g} of {name}')
     return joint.findings()
 
 

@@ -97,14 +97,14 @@ def _shifted(evidence: Evidence, name: str, before: float, fit: Fit) -> Finding:
     def again(after: Examination) -> Finding | None:
         column = after.responses.columns('stamp', name)
         more = after.responses.alone(column[0]) if column else None
-        if more is None or abs(float(more.size[0])) < 2.0 * float(more.std[0]):
+        if more is None or not more.remains:
             return None
         return _shifted(evidence, name, tau, more)
 
     return Finding(
         'stamps late' if tau < 0.0 else 'stamps early',
         name,
-        f'readings of {name} fit the state {abs(tau):.3g} ± {fit.std[0]:.1g} s '
+        f'readings of {name} fit the state {abs(tau):.4g} ± {fit.std[0]:.1g} s '
         f'{"before" if tau < 0.0 else "after"} their stamps: they are stamped '
         f'{"on receipt, not when they are taken" if tau < 0 else "too early"}. Stamp '
         'them when they are taken, or set the offset.',

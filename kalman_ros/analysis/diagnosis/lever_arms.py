@@ -46,7 +46,7 @@ def _moved(case: Examination, name: str, fit: Fit) -> Finding | None:
     key = f'{name}.mount.translation'
     before = np.asarray(evidence.parameters.get(key, [0.0, 0.0, 0.0]), dtype=float)
     arm = before + fit.size
-    change = {key: [float(f'{value:.3g}') for value in arm]}
+    change = {key: [float(f'{value:.4g}') for value in arm]}
     try:
         evidence.adopting(change)
     except ValueError:
@@ -54,14 +54,14 @@ def _moved(case: Examination, name: str, fit: Fit) -> Finding | None:
     columns = case.responses.columns('arm', name)
     shown = case.responses.information[columns, columns] > 0.0
     words = ', '.join(
-        f'{value:+.3g} ± {std:.1g} m {axis}'
+        f'{value:+.4g} ± {std:.1g} m {axis}'
         for value, std, axis, is_shown in zip(arm, fit.std, ('forward', 'left', 'up'), shown)
         if is_shown
     )
 
     def again(after: Examination) -> Finding | None:
         more = _fit(after, name)
-        if more is None or not (np.abs(more.size) > 2.0 * more.std).any():
+        if more is None or not more.remains:
             return None
         return _moved(after, name, more)
 

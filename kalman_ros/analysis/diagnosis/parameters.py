@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from kalman_ros import sensors
-from kalman_ros.core import Dynamics, Sensor, options_of
+from kalman_ros.core import Array, Dynamics, Sensor, options_of
 from kalman_ros.scenario.building import complete, rebuild
 from kalman_ros.scenario.declarations import model_of, options, sensor_names
 from kalman_ros.scenario.parameter_files import section
@@ -24,25 +26,30 @@ _MODEL = 'model_parameters'
 
 
 class Parameter(NamedTuple):
-    """A number, an entry of a list, or the factor of a list of noise.
+    """A number, an entry of a list, or the factor of a list of noise or of a row of a matrix.
 
     Parameters
     ----------
     name
-        Its name: ``mass``, ``A[3]`` or ``noise_density`` of the model, ``imu.radius`` of a sensor.
+        Its name: ``mass``, ``A[3]``, ``A[speed]`` or ``noise_density`` of the model,
+        ``imu.radius`` of a sensor.
     value
-        Its value; 1 for the factor of a list.
+        Its value; 1 for a factor.
     given
         Function of a value, which returns what the file then has, by full name.
+    row
+        The state whose row of A and B is multiplied, for such a factor.
     """
 
     name: str
     value: float
     given: Callable[[float], dict[str, Any]]
+    row: str = ''
 
     def change(self, value: float) -> dict[str, Any]:
-        """Return the change of the parameter file to a value, rounded."""
-        return {key: _rounded(new) for key, new in self.given(value).items()}
+        """Return the change of the parameter file to a value, rounded where it changes."""
+        before = self.given(self.value)
+        return {key: _rounded(new, before[key]) for key, new in self.given(value).items()}
 
 
 class Varied(NamedTuple):
@@ -80,6 +87,8 @@ def parameters(evidence: Evidence) -> Iterator[Parameter]:
         also = [name for name, its in of_sensors if its == key and full[name] == value]
         shared.update(also)
         yield from _numbers(key, value, [f'{_MODEL}.{key}', *also])
+    if {'states', 'A', 'B'} <= set(of_model):
+        yield from _rows(full, [name for name, key in of_sensors if key == 'C'])
     for name, _ in of_sensors:
         if name not in shared:
             yield from _numbers(name, full[name], [name])
@@ -104,6 +113,35 @@ def _numbers(name: str, value: Any, keys: list[str]) -> Iterator[Parameter]:
                 )
 
 
+def _rows(full: Mapping[str, Any], C: list[str]) -> Iterator[Parameter]:
+    """Yield the factor of each row of A and B, as of a mass or a time constant.
+
+    A row of a sensor that is the same, such as that of an accelerometer, has the same factor.
+    """
+    n, A, B = (len(full[f'{_MODEL}.states']), *(full[f'{_MODEL}.{name}'] for name in 'AB'))
+    keys = [f'{_MODEL}.A', f'{_MODEL}.B', *(key for key in C if full[key])]
+    A, B = np.reshape(A, (n, n)), np.reshape(B, (n, -1))
+    others = [np.reshape(full[key], (-1, n)) for key in keys[2:]]
+    for index, state in enumerate(full[f'{_MODEL}.states']):
+        if np.count_nonzero(np.hstack((A, B))[index]) < 2:
+            continue  # that factor is one of a single number
+        this = np.arange(n) == index
+        masks = [this, this, *(np.all(each == A[index], axis=1) for each in others)]
+        given = partial(_with_rows, keys, (A, B, *others), masks)
+        yield Parameter(f'A[{state}]', 1.0, given, state)
+
+
+def _with_rows(
+    keys: list[str], matrices: Sequence[Array], masks: Sequence[Any], factor: float
+) -> dict[str, Any]:
+    """Return what a file has where rows are multiplied; what does not change is left out."""
+    return {
+        key: np.where(rows[:, np.newaxis], factor * matrix, matrix).ravel().tolist()
+        for key, matrix, rows in zip(keys, matrices, masks)
+        if (matrix[rows] != 0.0).any()
+    }
+
+
 def _multiplied(keys: list[str], value: list[float], factor: float) -> dict[str, Any]:
     return {key: [factor * each for each in value] for key in keys}
 
@@ -116,10 +154,10 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
-def _rounded(value: Any) -> Any:
+def _rounded(value: Any, before: Any) -> Any:
     if isinstance(value, list):
-        return [_rounded(each) for each in value]
-    return float(f'{value:.3g}')
+        return [*map(_rounded, value, before)]
+    return value if value == before else float(f'{value:.5g}')
 
 
 def parameter(evidence: Evidence, name: str) -> Parameter:

@@ -26,6 +26,8 @@ from kalman_ros.core import Array
 
 from .passage import Passage
 
+#: A fit is about right if it changes by less than this share of its standard deviation.
+_PART = 0.3
 #: Number of rows of the regressors that are kept at a time.
 _ROWS = 4096
 
@@ -98,6 +100,11 @@ class Fit:
     def std(self) -> Array:
         """Standard deviations of the sizes (q,)."""
         return np.sqrt(np.maximum(self.covariance.diagonal(), 0.0))
+
+    @property
+    def remains(self) -> bool:
+        """Whether a size is more than a part of its standard deviation."""
+        return bool((np.abs(self.size) > _PART * self.std).any())
 
 
 def fitted(gradient: Array, information: Array) -> Fit:

@@ -262,7 +262,7 @@ def scaled(
 
     def again(after: Examination) -> Finding | None:
         fit = _fit(after, name, group)
-        if fit is None or not abs(float(fit.size[0])) > 2.0 * float(fit.std[0]):
+        if fit is None or not fit.remains:
             return None
         nearer = factor * (1.0 - float(fit.size[0]))
         return scaled(case, name, group, nearer, factor * float(fit.std[0]), gain)

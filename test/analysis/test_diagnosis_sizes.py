@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Causes whose size is fitted: beside a bias that is followed, and where a filter is misled."""
+
+import numpy as np
+import pytest
+from tools.doctor_score.array_replay import replay
+
+from kalman_ros.analysis.diagnosis import bias
+from kalman_ros.analysis.diagnosis.diagnose import diagnose
+from kalman_ros.analysis.diagnosis.examination import Examination
+from kalman_ros.analysis.records import InputRecord
+from kalman_ros.core import Sensor, Space
+
+DT, START, STEPS = 0.02, 1000.0, 1500
+MASSES, DRAG = np.array([2.0, 4.0]), 3.0
+
+
+def replayed(truth, inputs, readings, times=None, **configured):
+    """Return the evidence of two carts, each pushed by a force, whose places are read.
+
+    ``truth`` has the masses that the carts really have, ``inputs`` (N, 2) what is recorded.
+    """
+    stamp = START + DT * np.arange(len(inputs))
+    A, B = np.zeros((4, 4)), np.zeros((4, 2))
+    for i, mass in enumerate(MASSES):
+        A[2 * i, 2 * i + 1], A[2 * i + 1, 2 * i + 1] = 1.0, -DRAG / mass
+        B[2 * i + 1, i] = 1.0 / mass
+    given = {
+        'model': 'linear', 'rate': 1.0 / DT,
+        'model_parameters.states': ['x', 'v', 'y', 'w'],
+        'model_parameters.state_units': ['m', 'm/s', 'm', 'm/s'],
+        'model_parameters.inputs': ['f', 'g'], 'model_parameters.input_units': ['N', 'N'],
+        'model_parameters.A': A.ravel().tolist(), 'model_parameters.B': B.ravel().tolist(),
+        'model_parameters.noise_density': [0.0, 1e-4, 0.0, 1e-4],
+        'sensors': [*readings], 'initial_estimate': [0.0] * 4, 'initial_std': [0.01] * 4,
+    }  # fmt: skip
+    for name, (measured, std, _) in readings.items():
+        given |= {
+            f'{name}.measures': measured, f'{name}.noise': [std] * len(measured),
+            f'{name}.rate': 1.0 / DT, f'{name}.type': 'sensor_msgs/JointState',
+            f'{name}.fields': [f'position[{i}]' for i in range(len(measured))],
+        }  # fmt: skip
+    values = {name: value for name, (_, _, value) in readings.items()}
+    taken = {name: (stamp + 1e-3, stamp, value, None) for name, value in values.items()}
+    commands = InputRecord(stamp + 1e-3, stamp, inputs)
+    return replay({**given, **configured}, taken, commands)
+
+
+def moved(acting, masses=MASSES, seed=3):
+    """Return the states (N, 4) of the carts under the forces that act (N, 2)."""
+    rng, x, states = np.random.default_rng(seed), np.zeros(4), []
+    for u in acting:
+        states.append(x)
+        decay = np.exp(-DRAG / masses * DT)
+        v = x[1::2] * decay + u / DRAG * (1.0 - decay) + 1e-2 * DT**0.5 * rng.normal(size=2)
+        x = np.ravel(np.column_stack((x[::2] + 0.5 * DT * (x[1::2] + v), v)))
+    return np.array(states)
+
+
+def pushes(least=0.0):
+    """Return forces (N, 2) of both directions, none smaller than ``least``."""
+    t = DT * np.arange(STEPS)
+    waves = np.column_stack([np.sin(2.1 * t + np.sin(0.3 * t)), np.sin(1.3 * t + np.sin(0.4 * t))])
+    return (least + 4.0 * np.abs(waves)) * np.sign(waves)
+
+
+def places(states, seed=5):
+    """Return the readings of the places of both carts."""
+    y = states[:, ::2] + 0.002 * np.random.default_rng(seed).normal(size=(len(states), 2))
+    return {'places': (['x', 'y'], 0.002, y)}
+
+
+def first(evidence):
+    return diagnose(evidence, proofs=False).findings[0]
+
+
+def test_what_is_right_raises_nothing():
+    inputs = pushes()
+    assert diagnose(replayed(MASSES, inputs, places(moved(inputs)))).findings == ()
+
+
+def test_all_inputs_that_act_late_are_one_delay():
+    inputs, lag = pushes(), 6
+    acting = np.vstack((np.zeros((lag, 2)), inputs[:-lag]))
+    found = first(replayed(MASSES, inputs, places(moved(acting))))
+    assert (found.kind, found.subject) == ('input delay', 'f, g')
+    assert float(found.sentence.split()[3]) == pytest.approx(0.12, abs=0.001)
+
+
+def test_one_input_that_acts_late_is_named_alone():
+    inputs, lag = pushes(), 6
+    acting = inputs.copy()
+    acting[:, 1] = np.concatenate((np.zeros(lag), inputs[:-lag, 1]))
+    found = first(replayed(MASSES, inputs, places(moved(acting))))
+    assert (found.kind, found.subject) == ('input delay', 'g')
+
+
+def test_a_dead_zone_below_every_command_is_found():
+    inputs = pushes(least=3.0)
+    acting = inputs - np.clip(inputs, -1.0, 1.0) * [1.0, 0.0]
+    found = first(replayed(MASSES, inputs, places(moved(acting))))
+    assert (found.kind, found.subject) == ('dead zone', 'f')
+    assert float(found.sentence.split()[2]) == pytest.approx(1.0, rel=0.05)
+
+
+def test_another_mass_is_the_row_of_its_speed():
+    inputs = pushes()
+    found = first(replayed(MASSES, inputs, places(moved(inputs, np.array([2.0, 5.0])))))
+    assert (found.kind, found.subject) == ('parameter', 'A[w]')
+    share = found.change['model_parameters.B'][-1] * MASSES[1]
+    assert share == pytest.approx(MASSES[1] / 5.0, rel=0.02)
+    assert f'the row of w in A and B: {share:.1f}'[:-1] in found.sentence
+
+
+def test_a_scale_beside_a_bias_that_is_followed_is_a_scale():
+    inputs, rng = pushes() + np.array([9.0, 0.0]), np.random.default_rng(8)
+    states = moved(inputs)
+    rate = 1.03 * states[:, 1:2] + 0.05 + 0.002 * rng.normal(size=(len(states), 1))
+    readings = {**places(states), 'speed': (['v'], 0.002, rate)}
+    evidence = replayed(MASSES, inputs, readings, **{'speed.bias_std': [0.1]})
+    found = first(evidence)
+    assert (found.kind, found.subject) == ('scale', 'speed.v')
+    assert float(found.sentence.split()[9]) == pytest.approx(1.0 / 1.03, abs=0.003)
+    # what is left beside the likeliest bias promises another scale
+    left = Examination(bias.without_declared(Examination(evidence)))
+    (column,) = left.responses.columns('mix', 'speed', '0', '0')
+    assert abs(float(left.responses.alone(column).size[0])) < 0.8 * 0.03
+
+
+def test_without_a_declared_bias_nothing_is_integrated_out():
+    inputs = pushes()
+    case = Examination(replayed(MASSES, inputs, places(moved(inputs))))
+    assert bias.integrated(case) is case
+
+
+class Field(Sensor):
+    """A field of 1, seen in the axes of a vehicle with the heading y."""
+
+    def __init__(self, state, noise):
+        self.output = Space(('ahead', 'left'), ('T', 'T'))
+        self.covariance = np.diag(np.square(noise))
+
+    def measure(self, x):
+        return np.stack([np.cos(x[..., 2]), -np.sin(x[..., 2])], axis=-1)
+
+
+def test_a_bias_that_misleads_the_filter_is_no_walk():
+    rng, inputs = np.random.default_rng(9), 2.0 * pushes()
+    states = moved(inputs)
+    y = np.column_stack((np.cos(states[:, 2]), -np.sin(states[:, 2])))
+    y += [0.4, 0.0] + 0.01 * rng.normal(size=y.shape)
+    evidence = replayed(
+        MASSES, inputs, {'place': (['x'], 0.002, places(states)['places'][2][:, :1]),
+                         'field': (['x', 'y'], 0.01, y)},
+        **{'field.kind': f'{__name__}:Field', 'field.measures': None, 'filter': 'ekf'},
+    )  # fmt: skip
+    found = first(evidence)
+    assert (found.kind, found.subject) == ('bias', 'field')
+    assert float(found.sentence.split(' by ')[1].split()[0]) == pytest.approx(0.4, abs=0.02)
