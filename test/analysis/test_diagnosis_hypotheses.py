@@ -11,12 +11,13 @@ from tools.doctor_score.recordings import Injection, recorded
 
 from kalman_ros.analysis.diagnosis import common_noise, leftover, saturation, stretch
 from kalman_ros.analysis.diagnosis.bias import without_declared
-from kalman_ros.analysis.diagnosis.diagnose import _rank, certainty, completeness, diagnose
+from kalman_ros.analysis.diagnosis.diagnose import _rank, diagnose
 from kalman_ros.analysis.diagnosis.examination import Examination
 from kalman_ros.analysis.diagnosis.finding import Finding
 from kalman_ros.analysis.diagnosis.outliers import runs_of
 from kalman_ros.analysis.diagnosis.parameters import parameter, parameters
 from kalman_ros.analysis.diagnosis.passage import Passage
+from kalman_ros.analysis.diagnosis.trials import certainty, completeness
 from kalman_ros.analysis.diagnosis.units import conversions
 
 

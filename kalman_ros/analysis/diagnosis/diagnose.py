@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from math import exp, log
 
 import numpy as np
 
@@ -48,9 +47,10 @@ from . import (
     unrelated,
 )
 from .evidence import Evidence, improvement, misfit
-from .examination import CHANCE, Examination
+from .examination import Examination
 from .finding import Finding
-from .passage import Passage, explained
+from .passage import explained
+from .trials import TIED, Trials, same
 
 Detector = Callable[[Examination], Iterable[Finding]]
 
@@ -77,26 +77,18 @@ CONSTANT: Sequence[Detector] = (
 _ROUNDS, _TRIED, _ALIKE = 6, 10, 3
 #: Number of causes of the first seconds of a lost filter that are tried.
 _EARLY = 3
-#: How often the size of a finding is fitted again, and of how many beside the best one.
-_REFINED, _NEAREST = 3, 3
+#: Of how many causes beside the best one the size is fitted again.
+_NEAREST = 3
 #: A finding is tried if its predicted gain is at least this share of the best gain. The second
 #: share applies to reliable predictions: the filter is not lost, and the gain is above `_SURE`.
 _CLOSE, _CLOSER, _SURE = 0.4, 0.5, 1000.0
 #: A change is proven by a replay of the first seconds if it explains this share of the misfit. A
 #: smaller effect is hidden by the other faults, which the replay does not correct.
 PROOF, _PROVEN = 20.0, 0.01
-#: By how much the likelihood is tempered, as a share of the gain.
-_TEMPER = 0.15
-#: The share of the best gain from which another cause fits as well.
-_TIED = 0.85
-#: A mean square of innovations this near to 1 is that of a filter that is right.
-_CONSISTENT = 0.03
 #: A share of the misfit below this is little.
 _LITTLE = 0.05
 #: A cause of a smaller certainty is a note.
 _DOUBTFUL = 0.01
-#: A gain below this share of the number of values read is irrelevant, even if it is significant.
-_RELEVANT = 0.002
 
 
 @dataclass(frozen=True)
@@ -195,74 +187,6 @@ def _is_new(finding: Finding, known: Sequence[Finding]) -> bool:
     return not any(same(finding, other) for other in known)
 
 
-def same(one: Finding, other: Finding) -> bool:
-    """Return whether two findings have the same kind and subject."""
-    return (one.kind, one.subject) == (other.kind, other.subject)
-
-
-class _Trials:
-    """Causes that were tried on a case, the best one, and the case corrected by it."""
-
-    def __init__(self, case: Examination) -> None:
-        count = sum(len(e) for e in case.passage.whitened)
-        self.case, self.after = case, case
-        #: The smallest gain of a cause, and the cost of each number that it fits.
-        self.threshold, self.dimension = max(CHANCE, _RELEVANT * count), log(max(count, 2))
-        #: The nearest finding of each cause, by kind and subject.
-        self.tried: dict[tuple[str, str], Finding] = {}
-        self.best: Finding | None = None
-
-    def gain(self, finding: Finding, after: Examination) -> float:
-        """Return the gain of a finding, with the case that is corrected by it."""
-        change = explained(self.case.passage, after.passage) - finding.dues
-        exact = finding.gain if finding.is_exact else change
-        return exact - self.dimension * finding.parameters
-
-    def add(self, finding: Finding, after: Examination) -> None:
-        """Add a finding with its gain, if that is no chance."""
-        gain = self.gain(finding, after)
-        if gain <= self.threshold:
-            return
-        cause, finding = (finding.kind, finding.subject), replace(finding, gain=gain, passage=None)
-        self.tried[cause] = max(finding, self.tried.get(cause, finding), key=_gain)
-        if self.best is None or gain > self.best.gain:
-            self.best, self.after = finding, after
-
-    def add_nearer(self, finding: Finding, after: Examination) -> None:
-        """Add a finding with a better size.
-
-        The size is that of a linearisation. It is fitted again about the corrected case, as long
-        as the gain grows (Newton's method).
-        """
-        finding = replace(finding, gain=self.gain(finding, after))
-        for _ in range(_REFINED):
-            better = finding.again and finding.again(after)
-            if not better or better.mended is None:
-                break
-            try:
-                nearer = Examination(better.mended())
-                gain = self.gain(better, nearer)
-            except (ValueError, np.linalg.LinAlgError):
-                break
-            if gain <= finding.gain:
-                break
-            finding, after = replace(better, gain=gain, same_as=finding.same_as), nearer
-        self.add(finding, after)
-
-    def result(self) -> tuple[Finding, Examination] | None:
-        """Return the best finding with its certainty, and the corrected case; None without one."""
-        if self.best is None:
-            return None
-        finding = self.best
-        rivals = [rival for rival in self.tried.values() if not same(rival, finding)]
-        share = certainty(finding.gain, [rival.gain for rival in rivals])
-        whole = completeness(self.case.passage, self.after.passage)
-        tied = [(f.kind, f.subject) for f in rivals if f.gain > _TIED * finding.gain]
-        return replace(
-            finding, certainty=min(share * whole, finding.most), same_as=(*finding.same_as, *tied)
-        ), self.after
-
-
 def _find_best(
     case: Examination, known: Sequence[Finding], before: Examination | None = None
 ) -> tuple[Finding, Examination] | None:
@@ -270,7 +194,7 @@ def _find_best(
 
     ``before`` is the case with the biases that the estimator follows, where it has any.
     """
-    trials = _Trials(case)
+    trials = Trials(case)
     promised = _promised(case, FITTED, trials.dimension)
     sure = bool(promised) and promised[0].gain > _SURE and not gross.lost(case)
     share = _CLOSER if sure else _CLOSE
@@ -295,7 +219,7 @@ def _find_best(
     if best := trials.best:
         trials.add_nearer(best, trials.after)
         # a walk has the shape of any slow cause, whose size may still be wrong
-        near = 0.0 if best.most < 1.0 else _TIED * best.gain
+        near = 0.0 if best.most < 1.0 else TIED * best.gain
         tried = trials.tried.values()
         rivals = [f for f in tried if f.again and f.gain > near and not same(f, best)]
         for finding in sorted(rivals, key=_gain, reverse=True)[:_NEAREST]:
@@ -311,7 +235,7 @@ def _promised(case: Examination, detectors: Sequence[Detector], dimension: float
     return sorted(promised, key=_gain, reverse=True)
 
 
-def _try_before(before: Examination, trials: _Trials) -> None:
+def _try_before(before: Examination, trials: Trials) -> None:
     """Try the causes of a constant size beside the declared biases, before these are removed.
 
     The biases that the estimator follows take up most of the effect of a scale or a mounting.
@@ -338,33 +262,6 @@ def _from_the_beginning(case: Examination) -> list[Finding]:
     found = (finding for detector in SIMPLE for finding in detector(first))
     scaled = (replace(finding, gain=ratio * finding.gain) for finding in found)
     return sorted(scaled, key=_gain, reverse=True)[:_EARLY]
-
-
-def certainty(gain: float, rivals: Iterable[float]) -> float:
-    """Return the posterior share of a cause, and of those that fit as well, among its rivals.
-
-    The gains of rivals are differences of the Bayesian information criterion, so that weights are
-    exp(gain / 2) (R. Kass and A. Raftery, Bayes Factors, J. American Statistical Association 90,
-    1995), of a likelihood that is tempered by `_TEMPER` of the gain: no model is exact, and its
-    error grows with the misfit.
-    """
-    scale = 2.0 + _TEMPER * gain
-    weights = [(other, exp(min(0.0, other - gain) / scale)) for other in rivals]
-    tied = 1.0 + sum(weight for other, weight in weights if other > _TIED * gain)
-    return tied / (1.0 + sum(weight for _, weight in weights))
-
-
-def completeness(before: Passage, after: Passage) -> float:
-    """Return the share of the misfit that a correction explains, from 0 to 1, squared.
-
-    The mean square of whitened innovations is 1 if the filter is right. What the correction
-    changes is compared with how far it remains from 1, since a cause that leaves much unexplained
-    is seldom the right one. The square of the share agrees with how often first findings are
-    right on recordings of other origin.
-    """
-    start, end = before.mean_square, after.mean_square
-    change, left = abs(start - end), max(abs(end - 1.0) - _CONSISTENT, 0.0)
-    return (change / (change + left)) ** 2 if change + left > 0.0 else 1.0
 
 
 def _gain(finding: Finding) -> float:
