@@ -183,6 +183,9 @@ class InputMargins(KnownNames, Margins):
 
     loop: StateSpace = field(compare=False)
 
+    def __repr__(self) -> str:
+        return '\n'.join(text.clauses(str(self)))
+
     def plot(self, path: str | Path | None = None) -> None:
         """Draw Bode and Nyquist plots of the loop with its margins.
 
@@ -212,8 +215,8 @@ class LoopMargins(tuple[InputMargins, ...]):
         _plot_loops([f'input {index}' for index in range(len(self))], self, path)
 
     def __repr__(self) -> str:
-        lines = [f'input {index}: {at}' for index, at in enumerate(self)]
-        return '\n'.join([*lines, *self.together])
+        lines = [*(f'input {index}: {at}' for index, at in enumerate(self)), *self.together]
+        return '\n'.join(line for each in lines for line in text.clauses(each))
 
     @property
     def together(self) -> list[str]:

@@ -38,19 +38,31 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
 
 def matrix(rows: Sequence[str], columns: Sequence[str], values: Array) -> list[str]:
     """Return the lines of a matrix with its names, in parts if it is wide."""
-    lines: list[str] = []
     # what is less than the rounding of the largest number is printed as 0
     values = np.where(np.abs(values) < ROUNDING * np.max(np.abs(values), initial=0.0), 0.0, values)
-    for start in range(0, len(columns), _MOST_COLUMNS):
-        part = slice(start, start + _MOST_COLUMNS)
-        body = ([name, *map(number, row[part].tolist())] for name, row in zip(rows, values))
-        lines += table(['', *columns[part]], body)
+    cells = [[name, *map(number, row)] for name, row in zip(columns, values.T.tolist())]
+    widths = [2 + max(map(len, column)) for column in cells]
+    room = WIDTH - max(map(len, rows), default=0)
+    lines: list[str] = []
+    start = 0
+    while start < len(columns):
+        fits = np.cumsum(widths[start : start + _MOST_COLUMNS]) <= room
+        part = cells[start : start + max(int(np.count_nonzero(fits)), 1)]
+        head, *body = zip(*part)
+        lines += table(['', *head], ([name, *row] for name, row in zip(rows, body)))
+        start += len(part)
     return lines
 
 
 def sentence(line: str) -> list[str]:
     """Return a sentence wrapped to the width, with indented continuation lines."""
     return wrap(line, WIDTH, subsequent_indent='  ')
+
+
+def clauses(line: str) -> list[str]:
+    """Return a sentence wrapped as `sentence` does, but only after a comma."""
+    kept = ', '.join(clause.replace(' ', '\0') for clause in line.split(', '))
+    return [each.replace('\0', ' ') for each in sentence(kept)]
 
 
 def poles(values: Iterable[complex]) -> str:

@@ -256,6 +256,22 @@ def test_a_gain_draws_its_loops(dt, tmp_path):
     assert not (tmp_path / 'none.png').exists()
 
 
+def test_what_is_wide_is_printed_in_parts():
+    rng = np.random.default_rng(0)
+    A, B = rng.normal(size=(12, 12)) - 3.0 * np.eye(12), rng.normal(size=(12, 2))
+    found = kr.lqr(A, B, np.eye(12), np.eye(2))
+    shown = [found, kr.discretize(A, B, 0.1, np.eye(12)), kr.margins(A, B, found.K)]
+    shown += [kr.margins(A, B[:, :1], kr.lqr(A, B[:, :1], np.eye(12), [[1]]).K)]
+    for each in shown:
+        assert max(map(len, repr(each).splitlines())) <= text.WIDTH
+    printed = ' '.join(repr(found).split())
+    assert all(f'x{index} ' in printed for index in range(12))
+    assert repr(shown[-1]).splitlines()[-1].startswith('  min|1 + L| ')
+    # a name that leaves no room has a column all the same
+    (_, line) = text.matrix(['a'], [100 * 'x'], np.ones((1, 1)))
+    assert line.split() == ['a', '1']
+
+
 def test_rounding_is_printed_as_zero():
     lines = text.matrix(['a', 'b'], ['x', 'y'], np.array([[2.846e-34, 0.4142], [1e-9, 2.0]]))
     assert [line.split() for line in lines] == [
