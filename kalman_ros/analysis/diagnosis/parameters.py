@@ -48,8 +48,8 @@ class Parameter(NamedTuple):
 
     def change(self, value: float) -> dict[str, Any]:
         """Return the change of the parameter file to a value, rounded where it changes."""
-        before = self.given(self.value)
-        return {key: _rounded(new, before[key]) for key, new in self.given(value).items()}
+        before, digits = self.given(self.value), 3 if 'noise' in self.name else 5
+        return {key: _rounded(new, before[key], digits) for key, new in self.given(value).items()}
 
 
 class Varied(NamedTuple):
@@ -154,10 +154,10 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
-def _rounded(value: Any, before: Any) -> Any:
+def _rounded(value: Any, before: Any, digits: int) -> Any:
     if isinstance(value, list):
-        return [*map(_rounded, value, before)]
-    return value if value == before else float(f'{value:.5g}')
+        return [_rounded(*each, digits) for each in zip(value, before)]
+    return value if value == before else float(f'{value:.{digits}g}')
 
 
 def parameter(evidence: Evidence, name: str) -> Parameter:
