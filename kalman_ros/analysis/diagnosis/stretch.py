@@ -196,26 +196,24 @@ def _several_of(case: Examination, gradient: Array, information: Array) -> Offse
 
 def _known_offsets(case: Examination, name: str, limits: Array) -> tuple[Array, Array]:
     """Return gradient (B, k) and information (B, k, B, k) of the offsets that all cases have."""
-    B, k = len(limits) - 1, case.evidence.scenario.sensors[name].sensor.output.size
-    columns = [
-        column
-        for b in range(B)
-        for index in range(k)
-        for column in case.responses.columns('offset', name, str(index), str(b))
-    ]
+    columns = case.responses.columns('offset', name)
     information = case.responses.information[np.ix_(columns, columns)]
-    return case.responses.gradient[columns].reshape(B, k), information.reshape(B, k, B, k)
+    return _by_piece(case.responses.gradient[columns], information, len(limits) - 1)
 
 
 def _offsets(case: Examination, name: str, limits: Array) -> tuple[Array, Array]:
     """Return gradient (B, k) and information (B, k, B, k) of offsets of a sensor in pieces."""
     offsets, B = offset_columns(case.passage, name, limits), len(limits) - 1
-    k = offsets.shape[1]
     state = np.zeros((len(case.passage.events), len(case.passage.events[0].x), 0))
-    labels = [(str(column),) for column in range(B * k)]
+    labels = [(str(column),) for column in range(B * offsets.shape[1])]
     found = responses(case.passage, Columns(labels, {}, state, {name: offsets}))
-    information = found.information.reshape(k, B, k, B).transpose(1, 0, 3, 2)
-    return found.gradient.reshape(k, B).T, information
+    return _by_piece(found.gradient, found.information, B)
+
+
+def _by_piece(gradient: Array, information: Array, B: int) -> tuple[Array, Array]:
+    """Return them with the B pieces of all coordinates first, in place of the coordinates."""
+    k = len(gradient) // B
+    return gradient.reshape(k, B).T, information.reshape(k, B, k, B).transpose(1, 0, 3, 2)
 
 
 def _shifted(case: Examination, name: str, found: Offsets, limits: Array) -> Finding:
