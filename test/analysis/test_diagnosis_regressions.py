@@ -12,6 +12,7 @@ from scipy.stats import chi2
 from kalman_ros.analysis.diagnosis import (
     bias,
     gross,
+    input_gains,
     inputs,
     lever_arms,
     mounting,
@@ -51,7 +52,7 @@ def mended(finding):
     ],
 )
 def test_an_input_acts_as_commanded_within_five_percent(size, gain, kind):
-    findings = inputs._find_gains(pushed([('gain', 'f')], size, abs(size) / gain**0.5))
+    findings = input_gains.find(pushed([('gain', 'f')], size, abs(size) / gain**0.5))
     assert kinds(findings) == ([kind] if kind else [])
     for finding in findings:
         np.testing.assert_allclose(mended(finding), (1.0 + size) * INPUTS)

@@ -157,3 +157,19 @@ def test_a_bias_that_misleads_the_filter_is_no_walk():
     found = first(evidence)
     assert (found.kind, found.subject) == ('bias', 'field')
     assert float(found.sentence.split(' by ')[1].split()[0]) == pytest.approx(0.4, abs=0.02)
+
+
+def test_gains_of_inputs_are_fitted_together():
+    """Both carts are pushed by much the same force, so that each alone takes part of the blame."""
+    inputs = pushes()
+    inputs[:, 1] = inputs[:, 0] + 0.1 * inputs[:, 1]
+    found = first(replayed(MASSES, inputs, places(moved(inputs * [1.0, 0.8]))))
+    assert (found.kind, found.subject) in (('input gain', 'g'), ('parameter', 'B[7]'))
+
+
+def test_all_inputs_that_act_alike_have_one_gain():
+    inputs = pushes()
+    found = diagnose(replayed(MASSES, inputs, places(moved(inputs * 0.9))), proofs=False).findings
+    assert (found[0].kind, found[0].subject) == ('input gain', 'f')
+    assert float(found[0].sentence.split(' at ')[1].split()[0]) == pytest.approx(0.9, abs=0.005)
+    assert 'all of it' in found[0].sentence and found[0].parameters == 1

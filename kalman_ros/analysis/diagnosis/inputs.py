@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Faults of inputs: gain, sign, delay, dead zone, and disturbances."""
+"""Faults of inputs: gain, delay, dead zone, and disturbances."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from kalman_ros.core import Array
 
+from . import input_gains
 from .bias import courses_of
 from .evidence import Evidence
 from .examination import CHANCE, Examination
@@ -18,9 +19,8 @@ from .finding import Curve, Figure, Finding
 from .hypotheses import edges, held
 from .tested import likelier
 
-#: A gain that differs from 1 by less than the first number is no finding; a gain of 1 plus the
-#: second number or less has the wrong sign.
-_RELEVANT, _REVERSED = 0.05, -1.3
+#: Two gains that differ by less than this are no finding.
+_RELEVANT = 0.05
 #: Range of the fitted share of a zone: outside of it the zone is another one, or none.
 _DEAD_SHARE = (0.3, 1.5)
 
@@ -28,7 +28,7 @@ _DEAD_SHARE = (0.3, 1.5)
 def find(case: Examination) -> list[Finding]:
     """Return the faults of the inputs."""
     return [
-        *_find_gains(case),
+        *input_gains.find(case),
         *_find_asymmetries(case),
         *_find_delays(case),
         *_find_late(case),
@@ -74,24 +74,6 @@ class _Joint:
             gain=self.gain, mended=lambda: mended, **more,
         )  # fmt: skip
         return [finding] if self.words else []
-
-
-def _find_gains(case: Examination) -> list[Finding]:
-    """Return the inputs that act with the wrong sign, or with another gain."""
-    sentence, u = 'the input does not act as commanded: {}.', case.evidence.inputs.value
-    signs, gains = (_Joint(f'input {k}', sentence, case.evidence) for k in ('sign', 'gain'))
-    for index, name in enumerate(case.evidence.scenario.model.input.names):
-        for column in case.responses.columns('gain', name):
-            fit = case.responses.alone(column)
-            size = float(fit.size[0])
-            if fit.gain < CHANCE or abs(size) < _RELEVANT:
-                continue
-            if size < _REVERSED:
-                signs.add(index, size * u[:, index], fit.gain, f'{name} with the wrong sign')
-            else:
-                words = f'{name} at {1.0 + size:.3g} ± {fit.std[0]:.1g} of its command'
-                gains.add(index, size * u[:, index], fit.gain, words)
-    return [*signs.findings(), *gains.findings()]
 
 
 def _find_asymmetries(case: Examination) -> list[Finding]:
