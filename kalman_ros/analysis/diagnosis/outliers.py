@@ -12,7 +12,7 @@ from kalman_ros.core import Array
 
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
-from .passage import DROPPED, gated
+from .passage import DROPPED, rejected
 
 #: Probability of an outlier under the declared noise, and largest share of outliers.
 _RARE, _MOST = 1e-6, 0.25
@@ -44,7 +44,7 @@ def _find_outliers(case: Examination, name: str) -> Finding | None:
     limit = typical * 2.0 * float(gammainccinv(k / 2.0, _RARE))
     if not (squares > limit).any():
         return None
-    rows, passage = gated(case.evidence, name, limit)
+    rows = rejected(case.evidence, name, limit)
     share = len(rows) / len(events)
     indices = np.array([case.passage.events[i].index for i in events])
     gain = float(np.sum(squares[np.isin(indices, rows)] - k - DROPPED))
@@ -63,7 +63,7 @@ def _find_outliers(case: Examination, name: str) -> Finding | None:
         f'{len(rows)} of {len(events)} readings of {name} ({100.0 * share:.2g} %) are outliers'
         f'{course}, about {size:.2g} standard deviations off. A gate rejects them.',
         gain**0.5, change, gain=gain, figure=_picture(case, name, events, squares, limit),
-        mended=lambda: case.evidence.without(name, rows), passage=passage,
+        mended=lambda: case.evidence.without(name, rows),
     )  # fmt: skip
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf, log, pi
@@ -38,7 +39,7 @@ _OUTLIER = 5.0
 _OUTLYING = 30.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Event:
     """A reading in a filter pass: the step that led to it, and its correction.
 
@@ -135,16 +136,10 @@ class Passage:
         return np.array([e @ e for e in self.whitened_of(sensor)])
 
 
-def passage(
-    evidence: Evidence,
-    until: float = inf,
-    gate: tuple[str, float, list[int]] | None = None,
-    strict: bool = True,
-) -> Passage:
+def passage(evidence: Evidence, until: float = inf, strict: bool = True) -> Passage:
     """Run an extended Kalman filter over the usable readings, up to a stamp (s).
 
-    Duplicates and readings that are not `usable` are omitted. A ``gate`` (sensor, largest NIS,
-    list) omits the readings beyond it, and appends their indices to the list.
+    Duplicates and readings that are not `usable` are omitted.
 
     Raises
     ------
@@ -154,7 +149,7 @@ def passage(
     events: list[Event] = []
     whitened: list[Array] = []
     try:
-        for event, e in _run_filter(evidence, _initial_belief(evidence, until), until, gate):
+        for event, e in _run_filter(evidence, _initial_belief(evidence, until), until):
             events.append(event)
             whitened.append(e)
     except np.linalg.LinAlgError:
@@ -186,7 +181,11 @@ def _run_filter(
     until: float,
     gate: tuple[str, float, list[int]] | None = None,
 ) -> Iterator[tuple[Event, Array]]:
-    """Yield the events of a pass from the ``first`` belief, and their whitened innovations."""
+    """Yield the events of a pass from the ``first`` belief, and their whitened innovations.
+
+    A ``gate`` (sensor, largest NIS, list) omits the readings beyond it, and appends their indices
+    to the list.
+    """
     scenario = computed(evidence.scenario)
     filter = ExtendedKalmanFilter(scenario.model)
     sensors = {name: source.sensor for name, source in scenario.sensors.items()}
@@ -230,11 +229,14 @@ def whitener(S: Array) -> tuple[Array, float]:
     return white, len(S) * LOG_2_PI - 2.0 * sum(map(log, white.diagonal().tolist()))
 
 
-def gated(evidence: Evidence, name: str, limit: float) -> tuple[Array, Passage]:
-    """Return the readings that a gate at a NIS rejects, and the pass without them."""
-    rejected: list[int] = []
-    passage_without = passage(evidence, gate=(name, limit, rejected), strict=False)
-    return np.array(rejected, dtype=int), passage_without
+def rejected(evidence: Evidence, name: str, limit: float) -> Array:
+    """Return the readings of a sensor, by index, that a gate at a NIS rejects."""
+    indices: list[int] = []
+    first = _initial_belief(evidence, inf)
+    with suppress(np.linalg.LinAlgError):  # what is known until the filter fails
+        for _ in _run_filter(evidence, first, inf, (name, limit, indices)):
+            pass
+    return np.array(indices, dtype=int)
 
 
 def usable(record: SensorRecord) -> Any:
