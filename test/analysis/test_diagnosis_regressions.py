@@ -569,11 +569,11 @@ def test_outliers_are_few_and_far(monkeypatch, events, far, times, usual, kind):
     case_ = case(record(0.1 * np.arange(events)), squares)
     limits = []
 
-    def gated(evidence, name, limit):
+    def rejected(evidence, name, limit):
         limits.append(limit)
-        return np.flatnonzero(squares > limit), None
+        return np.flatnonzero(squares > limit)
 
-    monkeypatch.setattr(outliers, 'gated', gated)
+    monkeypatch.setattr(outliers, 'rejected', rejected)
     findings = outliers.find(case_)
     assert kinds(findings) == ([kind] if kind else [])
     for finding in findings:
@@ -590,7 +590,7 @@ def test_outliers_are_few_and_far(monkeypatch, events, far, times, usual, kind):
 def test_a_gate_that_is_there_stays(monkeypatch):
     squares = np.full(50, 0.3)
     squares[[3, 4]] = 2.0 * LIMIT
-    monkeypatch.setattr(outliers, 'gated', lambda *_: (np.array([3, 4]), None))
+    monkeypatch.setattr(outliers, 'rejected', lambda *_: np.array([3, 4]))
     case_ = case(record(0.1 * np.arange(50)), squares, **{'position.gate': 0.999})
     (finding,) = outliers.find(case_)
     assert finding.change == {}
