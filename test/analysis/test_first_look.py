@@ -27,6 +27,11 @@ def test_the_excess_begins_where_it_grows_and_not_where_it_was_noise():
     assert begins(excess) == pytest.approx(2500, abs=10)
 
 
+@pytest.mark.parametrize(('count', 'beginning'), [(41, 100), (39, None)])
+def test_the_excess_has_to_reach_what_chance_does_not(count, beginning):
+    assert begins(np.concatenate((np.full(100, -1.0), np.full(count, 1.5)))) == beginning
+
+
 def test_a_single_outlier_is_no_beginning():
     excess = np.full(100, -0.5)
     excess[50] = 17.0
