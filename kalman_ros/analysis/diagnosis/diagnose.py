@@ -242,6 +242,8 @@ def _try_before(before: Examination, trials: Trials) -> None:
     """
     promised = _promised(bias.integrated(before), CONSTANT, trials.dimension)
     for finding in _limit_kinds(promised)[:_NEAREST]:
+        if trials.best and finding.gain < _CLOSE * trials.best.gain:
+            break
         nearest: Finding | None = finding
         while nearest and nearest.mended and nearest.gain > trials.threshold:
             try:
