@@ -9,6 +9,7 @@ from tools.doctor_score.recordings import Injection, recorded
 from kalman_ros.analysis.diagnosis import first_look
 from kalman_ros.analysis.diagnosis.diagnose import diagnose
 from kalman_ros.analysis.diagnosis.first_look import READINGS, begins
+from kalman_ros.analysis.records import Beliefs
 
 OFF = {'joint_states': {'random_walk': [0.0, 0.1], 'fault_window': [30.0, 1e9]}}
 
@@ -64,6 +65,11 @@ def test_what_agrees_is_looked_at_from_its_beginning(late):
     part, begin, _ = first_look.part(replace(late, sensors=calm))
     assert begin == 0.0
     assert part.scenario is late.scenario
+
+
+def test_without_beliefs_it_begins_with_the_recording(late):
+    unknown = Beliefs(np.zeros(0), np.zeros((0, 4)), np.zeros((0, 4, 4)))
+    assert first_look.part(replace(late, beliefs=unknown))[1] == 0.0
 
 
 def test_a_short_recording_has_no_part(late):

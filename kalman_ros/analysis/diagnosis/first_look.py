@@ -34,7 +34,7 @@ def part(evidence: Evidence) -> tuple[Evidence, float, float] | None:
     times, excess = _excess(evidence)
     if len(times) < _LONG:
         return None
-    onset = begins(excess)
+    onset = begins(excess) if len(evidence.beliefs.time) else None
     first = 0 if onset is None or onset < READINGS else min(onset, len(times) - READINGS)
     begin, end = times[first], times[min(first + READINGS, len(times) - 1)]
     found = evidence.between(begin, end)
