@@ -47,6 +47,7 @@ NAMES = {
 #: 'input delay' is the opposite: a command that acts after its stamp.
 INPUT_NAMES = {
     'scale': ('input gain',),
+    'bias': ('disturbance',),
     'units': ('input gain',),
     'sign': ('input sign',),
     'input delay': ('input delay',),

@@ -11,6 +11,7 @@ from .fourth import recordings as fourth
 from .real import recordings as real
 from .recordings import Recording
 from .second import recordings as second
+from .sixth import recordings as sixth
 from .third import recordings as third
 
 #: The recordings of each set, by name.
@@ -20,6 +21,7 @@ SETS: dict[str, dict[str, Recording]] = {
     'third': third.RECORDINGS,
     'fourth': fourth.RECORDINGS,
     'fifth': fifth.RECORDINGS,
+    'sixth': sixth.RECORDINGS,
     'real': real.RECORDINGS,
 }
 #: The recordings of all sets.
@@ -32,7 +34,7 @@ def write(name: str, folder: str | Path) -> None:
     """Write the two files of a recording of any set into a new or an empty folder."""
     writer = next(
         each
-        for each in (recordings, second, third, fourth, fifth, real)
+        for each in (recordings, second, third, fourth, fifth, sixth, real)
         if name in each.RECORDINGS
     )
     writer.write(name, folder)
