@@ -144,7 +144,7 @@ def test_a_disabled_sensor_and_late_blocks_are_as_their_owners_want(tmp_path: Pa
         ('sailboat_rudder_reversed', 'input sign', 'rudder', True),
         ('sailboat_tide', 'drift', 'gnss.x', True),
         ('knee_spring_soft', 'parameter', 'gauge.C[0]', True),
-        ('knee_torque_offset', 'input bias', 'torque', True),
+        ('knee_torque_offset', 'disturbance', 'torque', True),
         ('knee_torque_offset', 'bias', 'joint', False),
         ('cylinder_one_rod', 'asymmetric gain', 'valve', True),
         ('greenhouse_door', 'process noise too small', 'air', True),
