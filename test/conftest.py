@@ -2,6 +2,7 @@
 """Settings of all tests: which of them run, on which examples, and how reruns are reported."""
 
 import os
+import platform
 import sys
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,6 +15,9 @@ from hypothesis import settings
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 # results are the same to the last bit whether CasADi is installed or not
 os.environ.setdefault('KALMAN_ROS_ARITHMETIC', 'numpy')
+
+# asked by a process, once, as by h5py where a quick test may start none
+platform.processor()
 
 # the same examples each time where the tests decide, new ones each time by hand
 settings.register_profile('fixed', derandomize=True, deadline=None, max_examples=50)
