@@ -15,16 +15,19 @@ _HEAD = """# How often the diagnosis is right elsewhere
 users do: the executable, with its windows, gates and outcomes. Made by
 `./dev strangers --page docs/explanation/doctor_elsewhere.md`, after `--score` for each set.
 
-- *fifth*: ten systems, simulated by code that shares nothing with the package, and written
-  without a look at the doctor or its results. **The figures that count are those of its first
-  score, blind: 65 of 78 first (83 %), 69 among three (88 %), wrong and sure 2 of 90 (2 %), clean
-  flagged 0 of 12.** Changed since with its results in view, so that its share below flatters:
-  numbers that are wrong by less than 3 % count, such as the place of a beacon, as do rotations of
-  less than 1.7 degrees; clusters of outliers that are found as one are divided; stamps in batches;
-  more causes are tried. Then, with all sets in view: declared biases are integrated out of the
-  regression, and no longer hide a scale; inputs that are late together or act at one gain; gains
-  that are fitted together; a row of A and B, as of a mass; dead zones below every command; inputs
-  in g; a bias that misled the filter is no walk; sizes are fitted to a part of their deviation.
+- *sixth*: ten systems, simulated by code that shares nothing with the package, and written
+  without a look at the doctor. **Its figures are those of its first score, blind, and count:**
+  nothing was changed since with its results in view. Two of its faults have no name here, play in
+  a gear and a push upon the process.
+- *fifth*: ten other systems, written in the same way. Its first score, blind, was 65 of 78 first
+  (83 %), 69 among three (88 %), wrong and sure 2 of 90 (2 %), clean flagged 0 of 12.
+  Changed since with its results in view, so that its share below flatters: numbers that are wrong
+  by less than 3 % count, such as the place of a beacon, as do rotations of less than 1.7 degrees;
+  clusters of outliers that are found as one are divided; stamps in batches; more causes are tried.
+  Then, with all sets in view: declared biases are integrated out of the regression, and no longer
+  hide a scale; inputs that are late together or act at one gain; gains that are fitted together; a
+  row of A and B, as of a mass; dead zones below every command; inputs in g; a bias that misled the
+  filter is no walk; sizes are fitted to a part of their deviation.
 - *fourth*: ten other systems. Its first score, blind, was 71 of 77 first (92 %), 73 among three
   (95 %), wrong and sure 0 of 89, clean flagged 0 of 12. Added since, with it and the third in
   view: readings that are off in several stretches, sensors behind a low-pass filter, and two
