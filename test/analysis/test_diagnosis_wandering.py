@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The likelihood of a walk of a sensor is that of all readings as one Gaussian vector."""
 
-from types import SimpleNamespace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -122,11 +122,9 @@ def test_the_same_recording_has_the_same_path():
 
 
 def test_a_state_that_is_known_exactly_does_no_harm():
-    events = [
-        SimpleNamespace(**{**vars(event), 'P': 0.0 * event.P}) if k == 0 else event
-        for k, event in enumerate(passed(recorded()).events)
-    ]
-    events[0].S = events[0].S - H @ FIRST @ H.T
+    first, *others = passed(recorded()).events
+    known = replace(first, P=0.0 * first.P, S=first.S - H @ FIRST @ H.T)
+    events = [known, *others]
     given = Passage(events, [event.white @ event.innovation for event in events])
     gain, path = wandering.likeliest(given, 'first', [0], np.array([0.5]))
     assert np.isfinite(gain) and np.isfinite(path).all()
