@@ -15,6 +15,8 @@ _HEAD = """# How often the diagnosis is right elsewhere
 users do: the executable, with its windows, gates and outcomes. Made by
 `./dev strangers --page docs/explanation/doctor_elsewhere.md`, after `--score` for each set.
 
+- *seventh*, where it is listed: ten further systems, written in the same way as the sixth. **The
+  figures of its first score, blind, count** there too.
 - *sixth*: ten systems, simulated by code that shares nothing with the package, and written
   without a look at the doctor. **Its figures are those of its first score, blind, and count:**
   nothing was changed since with its results in view. Two of its faults have no name here, play in

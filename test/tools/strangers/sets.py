@@ -11,6 +11,7 @@ from .fourth import recordings as fourth
 from .real import recordings as real
 from .recordings import Recording
 from .second import recordings as second
+from .seventh import recordings as seventh
 from .sixth import recordings as sixth
 from .third import recordings as third
 
@@ -22,6 +23,7 @@ SETS: dict[str, dict[str, Recording]] = {
     'fourth': fourth.RECORDINGS,
     'fifth': fifth.RECORDINGS,
     'sixth': sixth.RECORDINGS,
+    'seventh': seventh.RECORDINGS,
     'real': real.RECORDINGS,
 }
 #: The recordings of all sets.
@@ -34,7 +36,7 @@ def write(name: str, folder: str | Path) -> None:
     """Write the two files of a recording of any set into a new or an empty folder."""
     writer = next(
         each
-        for each in (recordings, second, third, fourth, fifth, sixth, real)
+        for each in (recordings, second, third, fourth, fifth, sixth, seventh, real)
         if name in each.RECORDINGS
     )
     writer.write(name, folder)
