@@ -14,7 +14,7 @@ import numpy as np
 
 from kalman_ros.core import Array, Signal
 from kalman_ros.core import rotations as so3
-from kalman_ros.core.quantity import ANGLES, ATTITUDE, PLACE, Quantity, quantity
+from kalman_ros.core.quantity import ANGLES, ATTITUDE, PLACE, quantities
 
 from .paths import parse, walk
 from .signal_codec import SignalCodec
@@ -61,7 +61,7 @@ class TurnedCodec:
         #: Way of each quaternion, whether it is read as angles, and the indices of its numbers.
         self._attitudes: list[tuple[Any, bool, list[int]]] = []
         self._M = np.eye(len(fields))
-        for group in _groups(fields):
+        for group in quantities(fields):
             index = [fields.index(field) for field in group.siblings()]
             turn = self._W if group.kind in (PLACE, ATTITUDE) else self._B
             self._M[np.ix_(index, index)] = turn
@@ -121,7 +121,7 @@ class TurnedCodec:
 
 def _complete(signal: Signal) -> tuple[str, ...]:
     """Return the fields of a signal, and those that complete their axes."""
-    groups = _groups(signal.fields)
+    groups = quantities(signal.fields)
     if not groups:
         listed = ', '.join(signal.fields)
         raise ValueError(
@@ -130,9 +130,3 @@ def _complete(signal: Signal) -> tuple[str, ...]:
         )
     siblings = [field for group in groups for field in group.siblings()]
     return tuple(dict.fromkeys((*signal.fields, *siblings)))
-
-
-def _groups(fields: tuple[str, ...]) -> list[Quantity]:
-    """Return the quantities of the fields, each group of three axes once."""
-    quantities = filter(None, map(quantity, fields))
-    return list({(group.owner, group.names): group for group in quantities}.values())

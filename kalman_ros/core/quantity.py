@@ -51,3 +51,9 @@ def quantity(field: str) -> Quantity | None:
     if kind is VELOCITY and '.accel.' in f'.{owner}':
         kind = ACCELERATION
     return Quantity(kind, _AXES.index(last), owner, _AXES)
+
+
+def quantities(fields: tuple[str, ...]) -> list[Quantity]:
+    """Return the quantities of fields, each group of three axes once."""
+    known = filter(None, map(quantity, fields))
+    return list({(group.owner, group.names): group for group in known}.values())

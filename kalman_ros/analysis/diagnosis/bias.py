@@ -184,20 +184,21 @@ def _best_course(responses: Responses, columns: Sequence[int], kind: str, cost: 
         walk = _likeliest_walk(responses, columns)
         return replace(walk, gain=walk.gain - cost)
     B = len(columns)
-    bases: list[tuple[int, Array]]
-    pieces = np.arange(float(B))
-    if kind == 'ramp':
-        bases = [(0, pieces[:, None] + 0.5)]
-    else:
-        first_pieces = range(1, B) if kind == 'step' else (0,)
-        bases = [(j, (pieces >= j).astype(float)[:, None]) for j in first_pieces]
     penalty = cost + 2.0 * np.log(max(B, 2)) * (_numbers_of(kind) - 1)
     best = Course(kind, np.zeros(B), -np.inf)
-    for first_piece, basis in bases:
-        fit = responses.fit(basis, columns)
+    for began in range(1, B) if kind == 'step' else (0,):
+        shape = _shape(kind, began, B)
+        fit = responses.fit(shape[:, None], columns)
         if fit.gain - penalty > best.gain:
-            best = Course(kind, basis @ fit.size, fit.gain - penalty, fit, first_piece)
+            best = Course(kind, shape * float(fit.size[0]), fit.gain - penalty, fit, began)
     return best
+
+
+def _shape(kind: str, began: int, pieces: int) -> Array:
+    """Return a course of unit size over the pieces (B,)."""
+    if kind == 'ramp':
+        return np.asarray(np.arange(pieces) + 0.5)
+    return np.asarray(np.arange(pieces) >= began, dtype=float)
 
 
 def _likeliest_walk(responses: Responses, columns: Sequence[int]) -> Course:
@@ -245,14 +246,16 @@ def _finding(case: Examination, name: str, courses: dict[int, Course], limits: A
         return corrected
 
     def again(after: Examination) -> Finding | None:
-        """Return the constant offsets with what remains of them."""
+        """Return the offsets with what remains of them; None for walks."""
         nearer = {}
         for index, course in courses.items():
             columns = after.responses.columns('offset', name, str(index))
-            if course.kind != 'constant' or not columns:
+            if course.kind == 'walk' or len(columns) != len(course.values):
                 return None
-            more = _best_course(after.responses, columns, 'constant', 0.0)
-            nearer[index] = replace(more, values=course.values + more.values[0], gain=course.gain)
+            shape = _shape(course.kind, course.began, len(columns))
+            more = after.responses.fit(shape[:, None], columns)
+            values = course.values + shape * float(more.size[0])
+            nearer[index] = replace(course, values=values, fit=more)
         return _finding(case, name, nearer, limits)
 
     def exact() -> Finding:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import replace
-from itertools import takewhile
+from itertools import permutations, takewhile
 from math import log, pi
 
 import numpy as np
@@ -120,7 +120,7 @@ def _candidates(case: Examination) -> Iterator[Finding]:
                 yield scaled(case, name, group, factor, 0.0, 0.0)
         if space.size == 2:
             yield axes_exchanged(case, name, (1, 0), 0.0)
-        yield from _rotation_findings(case, name)
+        yield from _turned_or_exchanged(case, name)
     yield from exchanged.candidates(case)
     yield from _input_candidates(case)
 
@@ -152,10 +152,11 @@ def _by_size(
     return [near] if abs(log(ratio / near)) < _ALIKE < abs(log(ratio)) else []
 
 
-def _rotation_findings(case: Examination, name: str) -> Iterator[Finding]:
-    """Yield the rotation of each vector reading that fits the predictions of the other sensors.
+def _turned_or_exchanged(case: Examination, name: str) -> Iterator[Finding]:
+    """Yield the rotation and the order of axes that fit the predictions of the other sensors.
 
-    After the rotation the filter is no longer lost, and the regressions hold.
+    There is one of each for each vector. After the correction the filter is no longer lost, and
+    the regressions hold.
     """
     space = case.evidence.scenario.sensors[name].sensor.output
     axes = vectors(space)
@@ -165,6 +166,13 @@ def _rotation_findings(case: Examination, name: str) -> Iterator[Finding]:
         return
     for group in axes:
         y, expected = others.record.value[:, group], others.predicted[:, group]
+        orders = permutations(range(len(group)))
+        order = min(orders, key=lambda order: float(np.sum((y[:, order] - expected) ** 2)))
+        if len(group) == 3 and order != (0, 1, 2):
+            whole = list(range(space.size))
+            for i, j in enumerate(order):
+                whole[group[i]] = group[j]
+            yield axes_exchanged(case, name, tuple(whole), 0.0)
         turn = nearest_rotation(expected.T @ y)
         if np.linalg.norm(turn - np.eye(len(turn))) < _SMALLEST_ROTATION:
             continue

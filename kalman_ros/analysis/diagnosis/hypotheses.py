@@ -12,6 +12,7 @@ from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.body_roles import body_of
 from kalman_ros.scenario.lever_arm import LeverArm
 
+from .alignment import is_alignable, tilted
 from .evidence import Evidence
 from .parameters import STEP, Varied, varied
 from .passage import Passage
@@ -77,13 +78,13 @@ def offset_columns(passage: Passage, name: str, limits: Array) -> Array:
 def _sensor_columns(
     evidence: Evidence, passage: Passage, name: str
 ) -> tuple[Array, list[tuple[str, ...]]]:
-    """Return the columns of a sensor: mixed coordinates, early stamps, lever arm."""
-    model = evidence.scenario.model
+    """Return the columns of a sensor: mixed coordinates, early stamps, lever arm, mounting."""
+    model, source = evidence.scenario.model, evidence.scenario.sensors[name]
     events = [passage.events[i] for i in passage.of(name)]
     recorded = evidence.sensors[name].value[[event.index for event in events]]
     # predictions, since the noise of a reading is correlated with its innovation
     X, U = np.array([event.x for event in events]), np.array([event.u for event in events])
-    values = evidence.scenario.sensors[name].sensor.measure(X)
+    values = source.sensor.measure(X)
     N, k = values.shape
     block = np.zeros((N, k, 2 * k * k + k + 1))
     labels: list[tuple[str, ...]] = []
@@ -102,6 +103,9 @@ def _sensor_columns(
     if arms is not None:
         block = np.concatenate((block, arms), axis=2)
         labels += [('arm', name, axis) for axis in 'xyz']
+    if is_alignable(source.signal.fields):
+        block = np.concatenate((block, tilted(source, values)), axis=2)
+        labels += [('turn', name, axis) for axis in 'xyz']
     return block, labels
 
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -12,7 +13,7 @@ import numpy as np
 from kalman_ros.core import Array
 
 from . import input_gains
-from .bias import courses_of
+from .bias import Course, courses_of
 from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
@@ -23,6 +24,10 @@ from .tested import likelier
 _RELEVANT = 0.05
 #: Range of the fitted share of a zone: outside of it the zone is another one, or none.
 _DEAD_SHARE = (0.3, 1.5)
+#: Least share of the inputs that enter or cross a dead zone; otherwise it is a constant offset.
+_MOVING = 0.05
+#: Most periods of a sine in an interval between two inputs, by which it is corrected.
+_FOLLOWED = 0.25
 
 
 def find(case: Examination) -> list[Finding]:
@@ -45,35 +50,48 @@ def _with_input(evidence: Evidence, index: int, column: Array) -> Evidence:
     return evidence.with_inputs(value)
 
 
+class _Part(NamedTuple):
+    """What a fault adds to an input (N,), with its gain and its words."""
+
+    input: int
+    change: Array
+    gain: float
+    words: str
+    dues: float = 0.0
+
+
 @dataclass
 class _Joint:
-    """A finding of several inputs together: with a value, a text and a gain for each of them."""
+    """A fault of several inputs together, or of one of them."""
 
     kind: str
     sentence: str
     evidence: Evidence
-    words: list[str] = field(default_factory=list)
-    subject: str = ''
-    gain: float = 0.0
+    parts: list[_Part] = field(default_factory=list)
 
-    def __post_init__(self) -> None:
-        self.value = self.evidence.inputs.value.copy()
-
-    def add(self, index: int, change: Array, gain: float, words: str) -> None:
-        """Add an input, to which ``change`` (N,) is added by the fault."""
-        self.value[:, index] += change
-        self.gain += gain
-        self.subject = self.subject or self.evidence.scenario.model.input.names[index]
-        self.words.append(words)
-
-    def findings(self, **more: Any) -> list[Finding]:
-        """Return the finding, if there are inputs of it."""
-        mended, sentence = self.evidence.with_inputs(self.value), self.sentence
-        finding = Finding(
-            self.kind, self.subject, sentence.format(', '.join(self.words)), self.gain**0.5,
-            gain=self.gain, mended=lambda: mended, **more,
+    def finding(self, parts: Sequence[_Part], gain: float, **more: Any) -> Finding:
+        """Return the finding of some inputs."""
+        value = self.evidence.inputs.value.copy()
+        for part in parts:
+            value[:, part.input] += part.change
+        return Finding(
+            self.kind, self.evidence.scenario.model.input.names[parts[0].input],
+            self.sentence.format(', '.join(part.words for part in parts)), gain**0.5, gain=gain,
+            parameters=len(parts), dues=sum(part.dues for part in parts),
+            mended=lambda: self.evidence.with_inputs(value), **more,
         )  # fmt: skip
-        return [finding] if self.words else []
+
+    def findings(self, together: Sequence[_Part] = (), **more: Any) -> list[Finding]:
+        """Return the finding of all inputs ``together``, and those of each input alone.
+
+        Inputs that act alike each explain the whole, and their gains do not add up.
+        """
+        groups = [together or self.parts, *([part] for part in self.parts if len(self.parts) > 1)]
+        return [
+            self.finding(group, sum(part.gain for part in group), **more)
+            for group in groups
+            if group
+        ]
 
 
 def _find_asymmetries(case: Examination) -> list[Finding]:
@@ -203,7 +221,9 @@ def _find_dead_zones(case: Examination) -> list[Finding]:
             continue
         zone = float(fit.size[0]) * float(case.responses.labels[column][2])
         clipped = np.clip(case.evidence.inputs.value[:, index], -zone, zone)
-        joint.add(index, -clipped, fit.gain, f'{zone:.3g} of {name}')
+        if np.mean(clipped != np.median(clipped)) < _MOVING:
+            continue
+        joint.parts.append(_Part(index, -clipped, fit.gain, f'{zone:.3g} of {name}'))
     return joint.findings()
 
 
@@ -218,22 +238,42 @@ def _find_disturbances(case: Examination) -> list[Finding]:
         'disturbance', 'something adds {}: a slope, wind, a bias of the actuator, or an input '
         'that the model does not have.', evidence,
     )  # fmt: skip
-    for index, course in courses.items():
+
+    def part(index: int, course: Course) -> _Part:
         low, high = course.values.min(), course.values.max()
         size = f'{low:+.3g}' if course.kind == 'constant' else f'{low:+.3g} to {high:+.3g}'
         added = course.values[np.clip(pieces, 0, len(course.values) - 1)]
-        joint.add(index, added, course.gain, f'{size} to {names[index]}')
+        return _Part(index, added, course.gain, f'{size} to {names[index]}', course.dues)
+
+    joint.parts += [part(*item) for item in courses.items()]
+    together = [part(*item) for item in _constants(case, groups, courses).items()]
     middles = 0.5 * (limits[1:] + limits[:-1]) - limits[0]
     curves = tuple(Curve(names[i], middles, course.values) for i, course in courses.items())
-    return joint.findings(
-        dues=sum(course.dues for course in courses.values()), parameters=len(courses),
-        figure=Figure('What adds to the input', 'time [s]', 'input', curves),
-    )  # fmt: skip
+    figure = Figure('What adds to the input', 'time [s]', 'input', curves)
+    return joint.findings(together, figure=figure)
+
+
+def _constants(
+    case: Examination, groups: Mapping[int, list[int]], courses: Mapping[int, Course]
+) -> dict[int, Course]:
+    """Return the constant courses of several inputs, fitted together; none of another kind."""
+    if len(courses) < 2 or any(course.kind != 'constant' for course in courses.values()):
+        return {}
+    columns = [column for index in courses for column in groups[index]]
+    pieces = [len(groups[index]) for index in courses]
+    fit = case.responses.fit(np.repeat(np.eye(len(courses)), pieces, axis=0), columns)
+    return {
+        index: replace(
+            course, values=np.full_like(course.values, size), gain=fit.gain / len(courses)
+        )
+        for (index, course), size in zip(courses.items(), fit.size.tolist())
+    }
 
 
 def _find_tones(case: Examination) -> list[Finding]:
     """Return the sines that are added to the inputs."""
     stamps = case.evidence.inputs.stamp
+    interval = float(np.median(np.diff(stamps))) if len(stamps) > 1 else np.inf
     joint = _Joint(
         'disturbance',
         'a sine adds {}: a vibration, or an input that the model does not have.', case.evidence,
@@ -244,8 +284,10 @@ def _find_tones(case: Examination) -> list[Finding]:
         if fit is None or fit.gain < CHANCE + 20.0:
             continue
         frequency = float(case.responses.labels[columns[0]][2])
+        if frequency * interval > _FOLLOWED:
+            continue
         phase = 2.0 * np.pi * frequency * (stamps + 0.5 / case.evidence.scenario.rate)
         added = fit.size[0] * np.sin(phase) + fit.size[1] * np.cos(phase)
         words = f'{np.hypot(*fit.size):.3g} at {frequency:.3g} Hz to {name}'
-        joint.add(index, added, fit.gain, words)
+        joint.parts.append(_Part(index, added, fit.gain, words))
     return joint.findings()

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import permutations
 from math import degrees
 
@@ -11,10 +12,12 @@ import numpy as np
 
 from kalman_ros.core import Array, Space, rotations
 
+from .alignment import aligned
+from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
 from .hypotheses import alike
-from .responses import fitted
+from .responses import Fit, fitted
 from .units import label_of, mixed, mixing, replaced
 
 #: Smallest rotation that is a finding, and largest difference from a quarter turn, in rad.
@@ -28,9 +31,9 @@ def find(case: Examination) -> list[Finding]:
         space = case.evidence.scenario.sensors[name].sensor.output
         if space.size < 2 or not case.responses.columns('mix', name):
             continue
-        findings += [*_find_swap(case, name, space.size)]
+        findings += [*_find_swap(case, name, space.size), *_find_misaligned(case, name)]
         for group in vectors(space):
-            findings += [*_find_rotation(case, name, group)]
+            findings += [*_find_rotation(case, name, group), *_find_crossed(case, name, group)]
     return findings
 
 
@@ -125,6 +128,89 @@ def turned(
         figure=_picture(case, name, M, group),
         mended=lambda: mixed(case.evidence, name, M),
     )
+
+
+def _find_misaligned(case: Examination, name: str) -> list[Finding]:
+    """Return the finding that a sensor is turned as a whole, if it is significant."""
+    fit = _tilt(case, name)
+    if fit is None or fit.gain < CHANCE:
+        return []
+    return [_misaligned(case, name, rotations.exp(fit.size), fit)]
+
+
+def _tilt(case: Examination, name: str) -> Fit | None:
+    """Return the fit of a turn of all vectors and attitudes of a sensor, in rad (3,)."""
+    columns = case.responses.columns('turn', name)
+    return case.responses.fit(np.eye(3), columns) if columns else None
+
+
+def _misaligned(case: Examination, name: str, turn: Array, fit: Fit) -> Finding:
+    """Return the finding that all vectors and attitudes of a sensor fit after a ``turn``."""
+    evidence, source = case.evidence, case.evidence.scenario.sensors[name]
+    known = evidence.scenario.sensors[name].signal.mounting
+    B = turn @ rotations.exp(rotations.from_euler(np.array(known.rotation)))
+    angles = [round(float(angle), 4) for angle in rotations.to_euler(rotations.log(B))]
+    change = {f'{name}.mount.rotation': angles}
+    try:
+        evidence.adopting(change)
+    except ValueError:
+        change = {}
+    record = evidence.sensors[name]
+
+    def mended() -> Evidence:
+        return evidence.with_values(name, aligned(source.signal.fields, record.value, turn))
+
+    def again(after: Examination) -> Finding | None:
+        more = _tilt(after, name)
+        if more is None or not more.remains:
+            return None
+        return _misaligned(case, name, rotations.exp(more.size) @ turn, replace(more, gain=0.0))
+
+    words = ', '.join(
+        f'{degrees(angle):+.3g} ± {degrees(std):.1g} deg about {axis}'
+        for angle, std, axis in zip(rotations.log(turn), fit.std, 'xyz')
+    )
+    return Finding(
+        'rotated', name,
+        f'readings of {name} fit once all of its axes are turned: {words}. It is mounted at an '
+        f'angle, {name}.mount.rotation: {angles}.',
+        fit.gain**0.5, change, gain=fit.gain, parameters=3, mended=mended, again=again,
+    )  # fmt: skip
+
+
+def _find_crossed(case: Examination, name: str, group: tuple[int, ...]) -> list[Finding]:
+    """Return the axis that reads a part of another one most significantly."""
+    fits = {(i, j): _crossing(case, name, i, j) for i, j in permutations(group, 2)}
+    (i, j), fit = max(fits.items(), key=lambda item: item[1].gain)
+    if fit.gain < CHANCE or abs(float(fit.size[0])) < _SMALL:
+        return []
+    return [_crossed(case, name, i, j, float(fit.size[0]), fit)]
+
+
+def _crossing(case: Examination, name: str, i: int, j: int) -> Fit:
+    """Return the fit of the share of axis j that axis i reads."""
+    return case.responses.fit(np.ones((1, 1)), case.responses.columns('mix', name, str(i), str(j)))
+
+
+def _crossed(case: Examination, name: str, i: int, j: int, share: float, fit: Fit) -> Finding:
+    """Return the finding that axis i of a sensor reads a share of axis j, too."""
+    M = np.eye(case.evidence.scenario.sensors[name].sensor.output.size)
+    M[i, j] = -share
+    names = case.evidence.scenario.sensors[name].sensor.output.names
+
+    def again(after: Examination) -> Finding | None:
+        more = _crossing(after, name, i, j)
+        size = share + float(more.size[0])
+        return _crossed(case, name, i, j, size, replace(more, gain=fit.gain))
+
+    return Finding(
+        'cross-axis', name,
+        f'{names[i]} of {name} reads {share:+.4g} ± {fit.std[0]:.1g} of {names[j]}, too: its axes '
+        'are not perpendicular, or one couples into the other.',
+        fit.gain**0.5, mixing(case.evidence, name, M), gain=fit.gain,
+        figure=_picture(case, name, M, (i, j)), mended=lambda: mixed(case.evidence, name, M),
+        again=again,
+    )  # fmt: skip
 
 
 def rotation_angle(M: Array) -> float:

@@ -107,8 +107,9 @@ def _find_backward(case: Examination, name: str, record: SensorRecord) -> Iterat
     stamps = record.stamp[record.stamped]
     steps = np.diff(stamps)
     count, usual = int((steps < 0.0).sum()), np.median(np.abs(steps)) if len(steps) else 0.0
-    jitter = np.ptp(np.quantile(latency(record), (0.1, 0.9)))
-    if count and jitter < usual:  # otherwise jitter causes the order
+    in_order = np.concatenate((np.ones(1, dtype=bool), np.diff(record.stamp) >= 0.0))
+    jitter = np.ptp(np.quantile(latency(record)[in_order], (0.01, 0.99)))
+    if count and jitter < 0.5 * usual:  # otherwise jitter causes the order
         order = np.argsort(record.stamp, kind='stable')
         yield Finding(
             'stamps backward', name,
