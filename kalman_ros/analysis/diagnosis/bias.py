@@ -15,7 +15,7 @@ from . import wandering
 from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
-from .hypotheses import edges
+from .hypotheses import edges, offset_responses
 from .passage import explained
 from .responses import Fit, Responses
 
@@ -37,6 +37,8 @@ _LONGEST = 20_000
 _SUREST = 0.8
 #: A walk is about constant if its mean is this many times its standard deviation.
 _STEADY = 3.0
+#: Into how many parts the pieces beside a step are divided.
+_FINER = 8
 #: Trial intensities of random walks, relative to the variance that the data allow.
 _INTENSITIES = np.geomspace(1e-4, 1e4, 33)
 
@@ -70,12 +72,28 @@ def find(case: Examination) -> list[Finding]:
         courses = courses_of(case.responses, groups)
         if not courses:
             continue
-        findings.append(_finding(case, name, courses, limits))
+        findings.append(_finding(case, name, *_in_time(case, name, courses, limits)))
         simpler = courses_of(case.responses, groups, kinds=_KINDS[:-1])
         similar = _total_gain(simpler) > (1.0 - _NEARLY) * _total_gain(courses)
         if similar and _kind_of(courses) == 'walk':
-            findings.append(_finding(case, name, simpler, limits))
+            findings.append(_finding(case, name, *_in_time(case, name, simpler, limits)))
     return findings
+
+
+def _in_time(
+    case: Examination, name: str, courses: dict[int, Course], limits: Array
+) -> tuple[dict[int, Course], Array]:
+    """Return the courses, with steps that begin when they do, and the limits of their pieces."""
+    steps = [course for course in courses.values() if course.kind == 'step']
+    if not steps:
+        return courses, limits
+    began = max(steps, key=lambda course: course.gain).began
+    around = np.linspace(limits[began - 1], limits[began + 1], 2 * _FINER + 1)
+    finer = np.unique(np.concatenate((limits, around)))
+    responses = offset_responses(case.passage, name, finer)
+    groups = {index: responses.columns('offset', name, str(index)) for index in courses}
+    exact = courses_of(responses, groups, kinds=('step',))
+    return (exact, finer) if exact else (courses, limits)
 
 
 def without_declared(case: Examination) -> Evidence:
@@ -247,13 +265,13 @@ def _finding(case: Examination, name: str, courses: dict[int, Course], limits: A
 
     def again(after: Examination) -> Finding | None:
         """Return the offsets with what remains of them; None for walks."""
-        nearer = {}
+        if main.kind == 'walk':
+            return None
+        nearer, responses = {}, offset_responses(after.passage, name, limits)
         for index, course in courses.items():
-            columns = after.responses.columns('offset', name, str(index))
-            if course.kind == 'walk' or len(columns) != len(course.values):
-                return None
+            columns = responses.columns('offset', name, str(index))
             shape = _shape(course.kind, course.began, len(columns))
-            more = after.responses.fit(shape[:, None], columns)
+            more = responses.fit(shape[:, None], columns)
             values = course.values + shape * float(more.size[0])
             nearer[index] = replace(course, values=values, fit=more)
         return _finding(case, name, nearer, limits)

@@ -16,7 +16,7 @@ from .alignment import is_alignable, tilted
 from .evidence import Evidence
 from .parameters import STEP, Varied, varied
 from .passage import Passage
-from .responses import Columns
+from .responses import Columns, Responses, responses
 
 #: A changing offset is constant in each piece: largest number of pieces, and shortest piece (s).
 PIECES, _SHORTEST = 30, 1.0
@@ -73,6 +73,16 @@ def offset_columns(passage: Passage, name: str, limits: Array) -> Array:
     pieces = np.searchsorted(limits, [event.time for event in events], 'right') - 1
     coordinates = np.arange(len(events[0].innovation))
     return np.asarray(B * coordinates + np.clip(pieces, 0, B - 1)[:, None])
+
+
+def offset_responses(passage: Passage, name: str, limits: Array) -> Responses:
+    """Return the regression on the offsets of a sensor alone, in pieces of any length."""
+    offsets, pieces = offset_columns(passage, name, limits), range(len(limits) - 1)
+    labels = [
+        ('offset', name, str(i), str(piece)) for i in range(offsets.shape[1]) for piece in pieces
+    ]
+    state = np.zeros((len(passage.events), len(passage.events[0].x), 0))
+    return responses(passage, Columns(labels, {}, state, {name: offsets}))
 
 
 def _sensor_columns(

@@ -12,10 +12,10 @@ from kalman_ros.core import Array
 
 from .examination import CHANCE, Examination
 from .finding import Finding
-from .hypotheses import edges, offset_columns
+from .hypotheses import edges, offset_responses
 from .noise_levels import innovations
 from .passage import DROPPED
-from .responses import Columns, fitted, responses
+from .responses import fitted
 
 #: Fewest readings of a stretch, and its largest share of all readings, or of the time.
 _FEWEST, _MOST = 8, 0.6
@@ -203,11 +203,8 @@ def _known_offsets(case: Examination, name: str, limits: Array) -> tuple[Array, 
 
 def _offsets(case: Examination, name: str, limits: Array) -> tuple[Array, Array]:
     """Return gradient (B, k) and information (B, k, B, k) of offsets of a sensor in pieces."""
-    offsets, B = offset_columns(case.passage, name, limits), len(limits) - 1
-    state = np.zeros((len(case.passage.events), len(case.passage.events[0].x), 0))
-    labels = [(str(column),) for column in range(B * offsets.shape[1])]
-    found = responses(case.passage, Columns(labels, {}, state, {name: offsets}))
-    return _by_piece(found.gradient, found.information, B)
+    found = offset_responses(case.passage, name, limits)
+    return _by_piece(found.gradient, found.information, len(limits) - 1)
 
 
 def _by_piece(gradient: Array, information: Array, B: int) -> tuple[Array, Array]:
