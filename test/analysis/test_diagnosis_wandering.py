@@ -81,7 +81,7 @@ def misfit(readings, density):
 @pytest.mark.parametrize('density', [1e-3, 0.1, 2.0])
 def test_its_likelihood_is_that_of_all_readings_at_once(density):
     readings = recorded()
-    found = wandering._Walk(passed(readings), 'first', [0], np.array([density]))
+    found = wandering._Error(passed(readings), 'first', [0], np.array([[density]]))
     assert passed(readings).misfit == pytest.approx(misfit(readings, 0.0), rel=1e-10)
     assert found.misfit == pytest.approx(misfit(readings, density), rel=1e-10)
 
@@ -100,7 +100,7 @@ def test_the_likeliest_intensity_is_found_from_a_coarse_one():
 @pytest.mark.slow
 def test_drawn_paths_scatter_as_the_offset_does_given_the_readings(monkeypatch):
     readings, density = recorded(), 0.5
-    walk = wandering._Walk(passed(readings), 'first', [0], np.array([density]))
+    walk = wandering._Error(passed(readings), 'first', [0], np.array([[density]]))
     paths = []
     for seed in range(400):
         monkeypatch.setattr(wandering, '_SEED', seed)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import combinations
 from math import log1p
 
@@ -16,7 +17,7 @@ from .finding import Curve, Figure, Finding
 #: Fewest pairs of readings, and smallest correlation that is a finding.
 _FEWEST, _RELEVANT = 50, 0.1
 #: How much larger it is than that of successive innovations, which shows another cause.
-_MORE = 2.0
+_MORE = 1.5
 #: Largest difference of the stamps of a pair, as a share of the interval of the sensor.
 _TOGETHER = 0.3
 
@@ -30,6 +31,16 @@ def find(case: Examination) -> list[Finding]:
     """
     found = [_find(case, *pair) for pair in combinations(case.judged, 2)]
     return [finding for finding in found if finding is not None]
+
+
+def clearest(before: Sequence[Finding], after: Sequence[Finding]) -> list[Finding]:
+    """Return the findings after all corrections, with those before where these are clearer.
+
+    A correction of the noise of one sensor hides a part of the noise that it shares with another.
+    """
+    by_subject = {finding.subject: finding for finding in before}
+    pairs = ((finding, by_subject.get(finding.subject, finding)) for finding in after)
+    return [max(pair, key=lambda finding: finding.gain) for pair in pairs]
 
 
 def _find(case: Examination, one: str, other: str) -> Finding | None:

@@ -20,6 +20,7 @@ import numpy as np
 
 from . import (
     bias,
+    coloured,
     common_noise,
     contradicted_parameters,
     exchanged,
@@ -62,7 +63,7 @@ PLAIN: Sequence[Detector] = (
 #: Detectors of findings in the innovations of a filter.
 FITTED: Sequence[Detector] = (
     units.find, mounting.find, exchanged.find, unrelated.find, outliers.find, lateness.hidden,
-    lag.find, bias.find, inputs.find, input_axes.find, contradicted_parameters.find,
+    lag.find, coloured.find, bias.find, inputs.find, input_axes.find, contradicted_parameters.find,
     first_belief.find, noise_levels.find, lever_arms.find, stretch.find,
 )  # fmt: skip
 #: Detectors of findings that hold from the first seconds on.
@@ -129,6 +130,7 @@ def diagnose(
     if any(source.bias is not None for source in evidence.scenario.enabled.values()):
         uncorrected, case = case, Examination(bias.without_declared(case))
     findings += gates.find(case)
+    correlated = common_noise.find(case)
     for number in range(_ROUNDS):
         progress(f'causes of the misfit, {number + 1}{_so_far(findings)}')
         best = _find_best(case, findings, uncorrected)
@@ -137,7 +139,7 @@ def diagnose(
         uncorrected = None
         finding, case = best
         findings.append(finding)
-    findings += common_noise.find(case)
+    findings += common_noise.clearest(correlated, common_noise.find(case))
     notes += leftover.find(case)
     ranked = _rank(findings)
     if proofs:

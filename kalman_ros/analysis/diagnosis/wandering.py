@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The likelihood of an offset of a sensor that wanders, and a path of it, exact on a pass.
+"""The likelihood of an error of a sensor that wanders, and a path of it, exact on a pass.
 
 The offset joins the state of the linearised pass, with the state's error about the predictions
 of the pass: after each event the pass moves its estimate by K nu, and the error by as much the
@@ -29,6 +29,9 @@ _STEP, _MOST = 4.0, 4
 _PIECES, _FOLLOWED, _JUMPS = 200, 0.5, 3.0
 #: Variance at the start, in seconds of the walk.
 _BEFORE = 1.0
+#: Trial time constants of noise by the interval of the readings, the longest by the recording,
+#: and the share of the variance that stays white, so that the readings have an inverse.
+_TIMES, _SHARE, _WHITE = np.geomspace(1.0, 300.0, 9), 0.2, 0.01
 #: Seed of the drawn path: the same recording has the same diagnosis.
 _SEED = 1
 #: Share of a variance that is added, so that what is known exactly has an inverse.
@@ -101,8 +104,8 @@ def likeliest(
         Path (E, c) at the events of the sensor.
     """
 
-    def walk(factor: float) -> _Walk:
-        return _Walk(passage, sensor, coordinates, factor * densities)
+    def walk(factor: float) -> _Error:
+        return _Error(passage, sensor, coordinates, np.diag(factor * densities))
 
     factor, best = 1.0, walk(1.0)
     for step in (_STEP, 1.0 / _STEP):
@@ -117,23 +120,76 @@ def likeliest(
     return passage.misfit - best.misfit, best.path()
 
 
-class _Walk:
-    """A filter of the error of the pass and of an offset with the given ``densities`` (c,)."""
+def coloured(passage: Passage, sensor: str, covariance: Array) -> tuple[float, float, Array]:
+    """Return how well noise that is correlated in time explains a pass.
+
+    The noise of the sensor is then a Gauss-Markov process with its declared ``covariance`` (k, k),
+    and a correlation that decays with a time constant. A small part of it is white.
+
+    Returns
+    -------
+    gain, time, path
+        Reduction of the misfit, time constant in s, and a path of the noise (E, k) at the events
+        of the sensor, drawn given all readings.
+    """
+    stamps = np.array([passage.events[index].time for index in passage.of(sensor)])
+    coordinates = range(len(covariance))
+
+    def noise(time: float) -> _Error:
+        density = 2.0 / time * covariance
+        return _Error(passage, sensor, coordinates, density, 1.0 / time, _WHITE)
+
+    trials = float(np.median(np.diff(stamps))) * _TIMES
+    tried = {time: noise(time) for time in trials.tolist() if time < _SHARE * np.ptp(stamps)}
+    if not tried:
+        return 0.0, 0.0, np.zeros((len(stamps), len(covariance)))
+    time, best = min(tried.items(), key=lambda item: item[1].misfit)
+    return passage.misfit - best.misfit, time, best.path()
+
+
+class _Error:
+    """A filter of the error of the pass and of an error of a sensor.
+
+    Parameters
+    ----------
+    passage, sensor, coordinates
+        Pass without the error, and the coordinates with one (c,).
+    density
+        Spectral density of the noise that drives the error (c, c).
+    decay
+        Rate at which the error decays, in 1/s; 0 for a random walk.
+    white
+        Share of the covariance of the readings that is white noise beside the error.
+    """
 
     def __init__(
-        self, passage: Passage, sensor: str, coordinates: Sequence[int], densities: Array
+        self,
+        passage: Passage,
+        sensor: str,
+        coordinates: Sequence[int],
+        density: Array,
+        decay: float = 0.0,
+        white: float = 1.0,
     ) -> None:
         self._passage, self._sensor, self._coordinates = passage, sensor, list(coordinates)
-        self._densities = np.diag(densities)
+        self._density, self._decay, self._white = density, decay, white
         self._n = len(passage.events[0].x)
         self.misfit = sum(misfit for misfit, _ in self._filter())
+
+    def _step(self, dt: float) -> tuple[float, Array]:
+        """Return the share of the error that is left after ``dt``, and the covariance added."""
+        if not self._decay:
+            return 1.0, dt * self._density
+        left = float(np.exp(-self._decay * dt))
+        return left, (1.0 - left * left) / (2.0 * self._decay) * self._density
 
     def _filter(self, keep: bool = False) -> list[tuple[float, _Step | None]]:
         """Return the misfit of each event, and the steps that `path` takes back where kept."""
         events, n, c = self._passage.events, self._n, len(self._coordinates)
         whole, offsets = np.eye(n + c), n + np.arange(c)
         m, P = np.zeros(n + c), np.zeros((n + c, n + c))
-        P[:n, :n], P[n:, n:] = events[0].P, _BEFORE * self._densities
+        _, P[n:, n:] = self._step(np.inf if self._decay else _BEFORE)
+        P[:n, :n] = events[0].P
         found: list[tuple[float, _Step | None]] = []
         for event, after in zip(events, [*events[1:], events[-1]]):
             H = np.zeros((len(event.innovation), n + c))
@@ -141,13 +197,16 @@ class _Walk:
             S = event.S - event.H @ event.P @ event.H.T  # R, so far
             if event.sensor == self._sensor:
                 H[self._coordinates, offsets] = 1.0
+                S = self._white * S
             PH = P @ H.T
             white, log_size = whitener(symmetric(H @ PH + S))
             e = white @ (event.innovation - H @ m)
             gain = PH @ white.T
             m, P = m + gain @ e, P - gain @ gain.T
             F, Q = whole.copy(), np.zeros((n + c, n + c))
-            F[:n, :n], Q[:n, :n], Q[n:, n:] = after.F, after.Q, after.dt * self._densities
+            F[:n, :n], Q[:n, :n] = after.F, after.Q
+            share, Q[n:, n:] = self._step(after.dt)
+            F[offsets, offsets] = share
             moved = m.copy()
             moved[:n] -= event.K @ event.innovation
             ahead, P_ahead = F @ moved, symmetric(F @ P @ F.T + Q)

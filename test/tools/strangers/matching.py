@@ -32,7 +32,7 @@ NAMES = {
     'outliers': ('outliers', 'disturbed'), 'disturbed': ('disturbed', 'outliers', 'random walk'),
     'lever arm': ('lever arm',), 'saturation': ('saturated',),
     'correlated noise': ('correlated noise',),
-    'coloured noise': ('random walk',), 'losses': ('losses', 'losses in bursts'),
+    'coloured noise': ('coloured noise', 'random walk'), 'losses': ('losses', 'losses in bursts'),
     'stamps': ('stamps duplicated', 'stamps backward', 'stamps late', 'stamps early', 'jitter',
                'stamps rounded'),
     'noise': ('noise too small', 'noise too large'), 'parameter': ('parameter',),
