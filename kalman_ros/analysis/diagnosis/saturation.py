@@ -54,13 +54,25 @@ def _is_dead(case: Examination, name: str, index: int) -> bool:
 
 
 def ends_of(values: Array) -> list[float]:
-    """Return the ends of the range at which values (N,) stay."""
+    """Return the ends of the range at which values (N,) stay.
+
+    A value far from all others is no end of a range, but one in place of a reading.
+    """
     levels, counts = np.unique(values, return_counts=True)
     if len(levels) < 3 or np.median(counts) > 1:
         return []
     fewest = max(_FEWEST, _LEAST * len(values))
     usual = _OFTEN * int(counts[1:-1].max())
-    return [float(levels[i]) for i in (0, -1) if counts[i] >= max(fewest, usual)]
+    # the distance of each end to the next value, and the range of all others
+    apart = {
+        0: (levels[1] - levels[0], levels[-1] - levels[1]),
+        -1: (levels[-1] - levels[-2], levels[-2] - levels[0]),
+    }
+    return [
+        float(levels[end])
+        for end, (gap, others) in apart.items()
+        if counts[end] >= max(fewest, usual) and gap <= others
+    ]
 
 
 def _saturated(case: Examination, name: str, index: int, ends: list[float]) -> Finding:

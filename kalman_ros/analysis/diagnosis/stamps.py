@@ -107,8 +107,9 @@ def _find_backward(case: Examination, name: str, record: SensorRecord) -> Iterat
     stamps = record.stamp[record.stamped]
     steps = np.diff(stamps)
     count, usual = int((steps < 0.0).sum()), np.median(np.abs(steps)) if len(steps) else 0.0
-    in_order = np.concatenate((np.ones(1, dtype=bool), np.diff(record.stamp) >= 0.0))
-    jitter = np.ptp(np.quantile(latency(record)[in_order], (0.01, 0.99)))
+    forward = np.pad(np.diff(record.stamp) >= 0.0, 1, constant_values=True)
+    in_order = latency(record)[forward[1:] & forward[:-1]]
+    jitter = np.ptp(np.quantile(in_order, (0.01, 0.99))) if len(in_order) else 0.0
     if count and jitter < 0.5 * usual:  # otherwise jitter causes the order
         order = np.argsort(record.stamp, kind='stable')
         yield Finding(
