@@ -239,10 +239,11 @@ def test_the_heaviest_range_and_the_likeliest_stretch():
     g, M = np.zeros(6), np.diag(np.full(6, 4.0))
     g[2:5] = 8.0
     everywhere = np.ones(6, dtype=bool)
-    assert stretch.likeliest(g[:, None], M[:, None, :, None], everywhere) == (2, 5)
+    pieces = stretch.Pieces(g[:, None], M[:, None, :, None])
+    assert pieces.likeliest(g[:, None], everywhere) == (2, 5)
     everywhere[3] = False
-    assert stretch.likeliest(g[:, None], M[:, None, :, None], everywhere) in ((2, 3), (4, 5))
-    assert stretch.likeliest(g[:, None], M[:, None, :, None], everywhere & False) is None
+    assert pieces.likeliest(g[:, None], everywhere) in ((2, 3), (4, 5))
+    assert pieces.likeliest(g[:, None], everywhere & False) is None
 
 
 def test_several_stretches_are_told_from_one_that_goes_on():
@@ -253,12 +254,23 @@ def test_several_stretches_are_told_from_one_that_goes_on():
     root = rng.normal(size=(300, 80))
     M = root.T @ root
     g = M @ truth.reshape(-1) + root.T @ rng.normal(size=300)
-    found = stretch.several(g.reshape(40, 2), M.reshape(40, 2, 40, 2), 30.0)
+    pieces = stretch.Pieces(g.reshape(40, 2), M.reshape(40, 2, 40, 2))
+    found = stretch.several(pieces, 30.0)
     assert found.stretches == [(5, 9), (15, 18), (30, 36)]
     expected = np.array([[2.0, 0.0], [-1.0, 0.0], [1.0, 3.0]])
     assert (np.abs(found.size - expected) < 4.0 * found.std).all()
     assert found.gain > 1e3
-    assert stretch.several(np.zeros((40, 2)), M.reshape(40, 2, 40, 2), 30.0) is None
+    # what they leave is orthogonal to them, and one coordinate alone has sums of its own
+    left = pieces.left(found)
+    for begin, end in found.stretches:
+        np.testing.assert_allclose(left[begin:end].sum(axis=0), 0.0, atol=1e-8 * np.abs(g).max())
+    alone = pieces.of([1]).fitted([(30, 36)])
+    basis = np.zeros((40, 2))
+    basis[30:36, 1] = 1.0
+    column = basis.reshape(-1)
+    assert alone.size[0, 0] == pytest.approx(column @ g / (column @ M @ column), rel=1e-9)
+    nothing = stretch.Pieces(np.zeros((40, 2)), M.reshape(40, 2, 40, 2))
+    assert stretch.several(nothing, 30.0) is None
 
 
 def reflected(t, y):

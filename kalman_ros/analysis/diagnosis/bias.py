@@ -34,7 +34,7 @@ _DECLARED = 4.0
 #: Most readings of a pass for which the likelihood of a walk is exact: it takes some seconds.
 _LONGEST = 20_000
 #: Largest certainty of a walk, which has the shape of any slow cause without a name here.
-_SUREST = 0.8
+SUREST = 0.8
 #: A walk is about constant if its mean is this many times its standard deviation.
 _STEADY = 3.0
 #: Into how many parts the pieces beside a step are divided.
@@ -313,7 +313,7 @@ def _finding(case: Examination, name: str, courses: dict[int, Course], limits: A
         gain**0.5, gain=gain, dues=sum(course.dues for course in courses.values()),
         parameters=sum(_numbers_of(course.kind) for course in courses.values()),
         figure=Figure(f'{name}: its offset', 'time [s]', 'offset', curves), mended=mended,
-        again=again, exact=exact if walks else None, most=_SUREST if walks else 1.0,
+        again=again, exact=exact if walks else None, most=SUREST if walks else 1.0,
     )  # fmt: skip
     return found
 

@@ -13,7 +13,7 @@ import numpy as np
 from kalman_ros.core import Array
 
 from . import input_gains
-from .bias import Course, courses_of
+from .bias import SUREST, Course, courses_of
 from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
@@ -78,6 +78,7 @@ class _Joint:
             self.kind, self.evidence.scenario.model.input.names[parts[0].input],
             self.sentence.format(', '.join(part.words for part in parts)), gain**0.5, gain=gain,
             parameters=len(parts), dues=sum(part.dues for part in parts),
+            most=SUREST if any(part.dues for part in parts) else 1.0,
             mended=lambda: self.evidence.with_inputs(value), **more,
         )  # fmt: skip
 

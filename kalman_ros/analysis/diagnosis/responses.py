@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -75,7 +76,16 @@ class Responses:
 
     def columns(self, *start: str) -> list[int]:
         """Return the columns with a label that begins with ``start``."""
-        return [i for i, label in enumerate(self.labels) if label[: len(start)] == start]
+        return list(self._by_start.get(start, ()))
+
+    @cached_property
+    def _by_start(self) -> dict[tuple[str, ...], list[int]]:
+        """The columns by each beginning of their labels."""
+        found: dict[tuple[str, ...], list[int]] = {}
+        for i, label in enumerate(self.labels):
+            for size in range(len(label) + 1):
+                found.setdefault(label[:size], []).append(i)
+        return found
 
     def fit(self, basis: Array, columns: Sequence[int]) -> Fit:
         """Return the fit of ``columns`` in the subspace of a ``basis`` (columns, q)."""

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -59,67 +60,113 @@ def find(case: Examination) -> list[Finding]:
     return [*filter(None, contradicting), *_find_offsets(case)]
 
 
-def likeliest(gradient: Array, information: Array, free: Array) -> tuple[int, int] | None:
-    """Return the likeliest stretch of a constant offset over B pieces, (B, k) and (B, k, B, k).
+class Pieces:
+    """The regression on offsets of a sensor in B pieces, with sums over stretches of pieces.
 
-    It begins after the first piece and ends before the last, since others are steps, and all its
-    pieces are ``free`` (B,). None if there is none.
+    Parameters
+    ----------
+    gradient, information
+        Gradient (B, k) and information (B, k, B, k).
     """
-    B, k = gradient.shape
-    sums = np.concatenate((np.zeros((1, k)), np.cumsum(gradient, axis=0)))
-    blocks = np.zeros((B + 1, B + 1, k, k))
-    blocks[1:, 1:] = information.transpose(0, 2, 1, 3).cumsum(axis=0).cumsum(axis=1)
-    taken = np.concatenate((np.zeros(1), np.cumsum(np.logical_not(free))))
-    i, j = np.triu_indices(B, 1)
-    inside = (i > 0) & (taken[j] == taken[i])
-    i, j = i[inside], j[inside]
-    if not len(i):
-        return None
-    known = blocks[i, i] + blocks[j, j] - blocks[i, j] - blocks[j, i]
-    sizes = np.trace(known, axis1=1, axis2=2)[:, None, None]
-    known += (_LEAST * sizes + 1e-300) * np.eye(k)
-    g = sums[j] - sums[i]
-    gains = np.einsum('pi,pi->p', g, np.linalg.solve(known, g[:, :, None])[:, :, 0])
-    best = int(np.argmax(gains))
-    return int(i[best]), int(j[best])
+
+    def __init__(self, gradient: Array, information: Array) -> None:
+        B, k = gradient.shape
+        self.gradient = gradient
+        self._sums = np.zeros((B + 1, k))
+        np.cumsum(gradient, axis=0, out=self._sums[1:])
+        #: Information of each piece with all pieces before an edge, and of all before one edge
+        #: with all before another.
+        self._rows = np.zeros((B, k, B + 1, k))
+        np.cumsum(information, axis=2, out=self._rows[:, :, 1:])
+        self._blocks = np.zeros((B + 1, k, B + 1, k))
+        np.cumsum(self._rows, axis=0, out=self._blocks[1:])
+
+    def of(self, coordinates: Sequence[int]) -> Pieces:
+        """Return the regression on offsets of some coordinates alone."""
+        part, chosen = copy(self), list(coordinates)
+        part.gradient, part._sums = self.gradient[:, chosen], self._sums[:, chosen]
+        part._rows = self._rows[:, chosen][..., chosen]
+        part._blocks = self._blocks[:, chosen][..., chosen]
+        return part
+
+    def likeliest(self, gradient: Array, free: Array) -> tuple[int, int] | None:
+        """Return the likeliest stretch of a constant offset, by a gradient (B, k).
+
+        It begins after the first piece and ends before the last, since others are steps, and all
+        its pieces are ``free`` (B,). None if there is none.
+        """
+        B, k = gradient.shape
+        sums = np.concatenate((np.zeros((1, k)), np.cumsum(gradient, axis=0)))
+        blocks = self._blocks.transpose(0, 2, 1, 3)
+        taken = np.concatenate((np.zeros(1), np.cumsum(np.logical_not(free))))
+        i, j = np.triu_indices(B, 1)
+        inside = (i > 0) & (taken[j] == taken[i])
+        i, j = i[inside], j[inside]
+        if not len(i):
+            return None
+        known = blocks[i, i] + blocks[j, j] - blocks[i, j] - blocks[j, i]
+        sizes = np.trace(known, axis1=1, axis2=2)[:, None, None]
+        known += (_LEAST * sizes + 1e-300) * np.eye(k)
+        g = sums[j] - sums[i]
+        gains = np.einsum('pi,pi->p', g, np.linalg.solve(known, g[:, :, None])[:, :, 0])
+        best = int(np.argmax(gains))
+        return int(i[best]), int(j[best])
+
+    def fitted(self, stretches: list[tuple[int, int]]) -> Offsets:
+        """Return the offsets of given stretches."""
+        begin, end = np.transpose(stretches)
+        gradient = self._sums[end] - self._sums[begin]
+        rows = self._blocks[end] - self._blocks[begin]
+        information = rows[:, :, end] - rows[:, :, begin]
+        size = gradient.size
+        fit = fitted(gradient.ravel(), information.reshape(size, size))
+        k = gradient.shape[1]
+        return Offsets(stretches, fit.size.reshape(-1, k), fit.std.reshape(-1, k), fit.gain)
+
+    def left(self, offsets: Offsets) -> Array:
+        """Return the gradient (B, k) that offsets leave."""
+        begin, end = np.transpose(offsets.stretches)
+        rows = self._rows[:, :, end] - self._rows[:, :, begin]
+        return np.asarray(self.gradient - np.einsum('bisj,sj->bi', rows, offsets.size))
 
 
-def several(gradient: Array, information: Array, cost: float) -> Offsets | None:
-    """Return the stretches over B pieces of which each gains more than ``cost``.
+def several(pieces: Pieces, cost: float) -> Offsets | None:
+    """Return the stretches of which each gains more than ``cost``.
 
     Forward selection: a stretch is added where there is none, or divides one into those before,
     within and after it. In the end those that gain too little are dropped, such as what lies
     between two clusters that were found as one.
     """
     best: Offsets | None = None
-    left, refused, misses = gradient, np.zeros(len(gradient), dtype=bool), 0
+    left, misses = pieces.gradient, 0
+    refused = np.zeros(len(left), dtype=bool)
     while best is None or len(best.stretches) < _PARTS:
         chosen = best.stretches if best else []
         free = np.logical_not(refused)
         for begin, end in chosen:
             free[[begin - 1, begin, end - 1, end]] = False
-        found = likeliest(left, information, free)
+        found = pieces.likeliest(left, free)
         if found is None:
             break
         begin, end = found
         whole = [each for each in chosen if each[0] < begin and end < each[1]]
         kept = [each for each in chosen if each not in whole]
         around = [(whole[0][0], begin), (end, whole[0][1])] if whole else []
-        fit, rest = _fitted(gradient, information, sorted([*kept, *around, found]))
+        fit = pieces.fitted(sorted([*kept, *around, found]))
         if fit.gain - (best.gain if best else 0.0) > cost:
-            best, left = fit, rest
+            best, left = fit, pieces.left(fit)
         elif best is None or misses == _MISSES:
             break
         else:
             refused[begin:end], misses = True, misses + 1
-    return _pruned(gradient, information, best, cost) if best else None
+    return _pruned(pieces, best, cost) if best else None
 
 
-def _pruned(gradient: Array, information: Array, found: Offsets, cost: float) -> Offsets | None:
+def _pruned(pieces: Pieces, found: Offsets, cost: float) -> Offsets | None:
     """Return the stretches without those that gain less than ``cost``, the least one first."""
     while len(found.stretches) > 1:
         fewer = [
-            _fitted(gradient, information, [each for each in found.stretches if each != out])[0]
+            pieces.fitted([each for each in found.stretches if each != out])
             for out in found.stretches
         ]
         best = max(fewer, key=lambda fit: fit.gain)
@@ -129,27 +176,12 @@ def _pruned(gradient: Array, information: Array, found: Offsets, cost: float) ->
     return found if found.gain > cost else None
 
 
-def _fitted(
-    gradient: Array, information: Array, stretches: list[tuple[int, int]]
-) -> tuple[Offsets, Array]:
-    """Return the offsets of given stretches, and the gradient (B, k) that they leave."""
-    B, k = gradient.shape
-    g, M = gradient.reshape(-1), information.reshape(B * k, B * k)
-    basis = np.zeros((B, k, len(stretches), k))
-    for index, (begin, end) in enumerate(stretches):
-        basis[begin:end, range(k), index, range(k)] = 1.0
-    columns = basis.reshape(B * k, -1)
-    fit = fitted(columns.T @ g, columns.T @ M @ columns)
-    left = (g - M @ columns @ fit.size).reshape(B, k)
-    return Offsets(stretches, fit.size.reshape(-1, k), fit.std.reshape(-1, k), fit.gain), left
-
-
 def _find_offsets(case: Examination) -> Iterator[Finding]:
     """Yield the sensors that are off in one stretch or in several, with exact times."""
     limits = edges(case.passage)
     if len(limits) < 4:
         return
-    promised = {name: several(*_known_offsets(case, name, limits), CHANCE) for name in case.judged}
+    promised = {name: several(_known_offsets(case, name, limits), CHANCE) for name in case.judged}
     gains = {name: found.gain for name, found in promised.items() if found}
     for name, gain in gains.items():
         if gain > _CLOSE * max(gains.values()):
@@ -162,7 +194,7 @@ def _find_exactly(case: Examination, name: str, limits: Array) -> Iterator[Findi
     readings = len(case.passage.of(name))
     pieces = int(np.clip(readings / _FEW, len(limits) - 1, max(_PIECES // k, len(limits) - 1)))
     limits = np.linspace(limits[0], limits[-1], pieces + 1)
-    coarse = _several_of(case, *_offsets(case, name, limits))
+    coarse = _several_of(case, _offsets(case, name, limits))
     if coarse is None or len(coarse.stretches) >= _PARTS:
         return
     around = [
@@ -171,46 +203,45 @@ def _find_exactly(case: Examination, name: str, limits: Array) -> Iterator[Findi
         for at in stretch
     ]
     limits = np.unique(np.concatenate([limits[[0, -1]], *around]))
-    found = _several_of(case, *_offsets(case, name, limits))
+    found = _several_of(case, _offsets(case, name, limits))
     if found is None or len(found.stretches) > _MOST_STRETCHES:
         return
     if sum(limits[end] - limits[begin] for begin, end in found.stretches) < _MOST * np.ptp(limits):
         yield _shifted(case, name, found, limits)
 
 
-def _several_of(case: Examination, gradient: Array, information: Array) -> Offsets | None:
+def _several_of(case: Examination, pieces: Pieces) -> Offsets | None:
     """Return the likeliest stretches of all coordinates together, or of one of them alone."""
-    k = gradient.shape[1]
+    k = pieces.gradient.shape[1]
     price = float(np.log(max(sum(len(e) for e in case.passage.whitened), 2)))
     best, most = None, 0.0
     for group in dict.fromkeys([tuple(range(k)), *((index,) for index in range(k))]):
         chosen = list(group)
         cost = (len(chosen) + 2) * price
-        part = information[:, chosen][:, :, :, chosen]
-        found = several(gradient[:, chosen], part, max(cost, CHANCE))
+        found = several(pieces.of(chosen), max(cost, CHANCE))
         net = 0.0 if found is None else found.gain - cost * len(found.stretches)
         if found is not None and net > most:
             best, most = found._replace(coordinates=chosen), net
     return best
 
 
-def _known_offsets(case: Examination, name: str, limits: Array) -> tuple[Array, Array]:
-    """Return gradient (B, k) and information (B, k, B, k) of the offsets that all cases have."""
+def _known_offsets(case: Examination, name: str, limits: Array) -> Pieces:
+    """Return the regression on the offsets that all cases have."""
     columns = case.responses.columns('offset', name)
     information = case.responses.information[np.ix_(columns, columns)]
     return _by_piece(case.responses.gradient[columns], information, len(limits) - 1)
 
 
-def _offsets(case: Examination, name: str, limits: Array) -> tuple[Array, Array]:
-    """Return gradient (B, k) and information (B, k, B, k) of offsets of a sensor in pieces."""
+def _offsets(case: Examination, name: str, limits: Array) -> Pieces:
+    """Return the regression on offsets of a sensor in pieces between ``limits``."""
     found = offset_responses(case.passage, name, limits)
     return _by_piece(found.gradient, found.information, len(limits) - 1)
 
 
-def _by_piece(gradient: Array, information: Array, B: int) -> tuple[Array, Array]:
-    """Return them with the B pieces of all coordinates first, in place of the coordinates."""
+def _by_piece(gradient: Array, information: Array, B: int) -> Pieces:
+    """Return the regression with the B pieces first, in place of the coordinates."""
     k = len(gradient) // B
-    return gradient.reshape(k, B).T, information.reshape(k, B, k, B).transpose(1, 0, 3, 2)
+    return Pieces(gradient.reshape(k, B).T, information.reshape(k, B, k, B).transpose(1, 0, 3, 2))
 
 
 def _shifted(case: Examination, name: str, found: Offsets, limits: Array) -> Finding:
