@@ -173,3 +173,83 @@ def test_all_inputs_that_act_alike_have_one_gain():
     assert (found[0].kind, found[0].subject) == ('input gain', 'f')
     assert float(found[0].sentence.split(' at ')[1].split()[0]) == pytest.approx(0.9, abs=0.005)
     assert 'all of it' in found[0].sentence and found[0].parameters == 1
+
+
+def loose(rng, place):
+    """A gear with a play of .02 m, which follows the motion by half of it behind."""
+    way, last = np.empty(len(place)), 1.0
+    for k, rate in enumerate(np.gradient(place, DT)):
+        last = np.sign(rate) if abs(rate) > 0.05 else last
+        way[k] = last
+    return place - 0.01 * way
+
+
+def alike(rng, place):
+    """Noise of the declared size that decays within a second."""
+    errors, left = np.zeros(len(place)), np.exp(-DT)
+    errors[0] = 0.002 * rng.normal()
+    for k in range(1, len(place)):
+        errors[k] = left * errors[k - 1] + 0.002 * (1.0 - left**2) ** 0.5 * rng.normal()
+    return place + errors
+
+
+def stepped(rng, place):
+    return place + 0.004 * (DT * np.arange(len(place)) > 17.3)
+
+
+def growing(rng, place):
+    return place + 0.0008 * DT * np.arange(len(place))
+
+
+@pytest.mark.parametrize(
+    ('fault', 'kind', 'noise', 'word', 'size', 'within'),
+    [
+        (loose, 'backlash', 0.002, 4, 0.01, 0.0005),
+        (alike, 'coloured noise', 0.0, 7, 1.0, 0.6),
+        (stepped, 'bias', 0.002, 14, 17.3, 0.15),
+        (growing, 'drift', 0.002, 9, 0.0008, 3e-5),
+    ],
+)
+def test_the_course_of_an_error_is_told_with_its_size(fault, kind, noise, word, size, within):
+    """One of two readings of the same place is wrong, so that the other one tells."""
+    rng, inputs = np.random.default_rng(11), pushes()
+    states = moved(inputs)
+    y = fault(rng, states[:, 0]) + noise * rng.normal(size=STEPS)
+    readings = {**places(states), 'scale': (['x'], 0.002, y[:, None])}
+    found = first(replayed(MASSES, inputs, readings))
+    assert found.kind == kind and found.subject.startswith('scale'), found.sentence
+    words = [part.strip('+;,:') for part in found.sentence.split()]
+    assert float(words[word]) == pytest.approx(size, abs=within), found.sentence
+
+
+def test_noise_that_two_sensors_share_is_found_beside_what_hides_it():
+    rng, inputs = np.random.default_rng(12), pushes()
+    states, common = moved(inputs), np.random.default_rng(13).normal(size=(STEPS, 1))
+    readings = {
+        name: (['x'], 0.002, states[:, :1] + 0.0014 * (common + rng.normal(size=(STEPS, 1))))
+        for name in ('left', 'right')
+    }
+    found = first(replayed(MASSES, inputs, {**places(states), **readings}))
+    assert (found.kind, found.subject) == ('correlated noise', 'left and right')
+
+
+def test_a_push_on_one_of_several_inputs_is_named_alone():
+    inputs = pushes()
+    found = first(replayed(MASSES, inputs, places(moved(inputs + np.array([0.0, 0.5])))))
+    assert (found.kind, found.subject) == ('disturbance', 'g')
+    assert float(found.sentence.split()[2]) == pytest.approx(0.5, abs=0.02)
+
+
+def test_readings_of_a_slow_process_are_exchanged():
+    """Two tanks that each keep their level, so that the filter believes what it reads."""
+    rng, inputs = np.random.default_rng(14), np.zeros((STEPS, 2))
+    states = moved(inputs) + np.array([0.05, 0.0, -0.05, 0.0])
+    swap = {'first': 2, 'second': 0}
+    readings = {
+        name: (measured, 0.002, states[:, [at]] + 0.002 * rng.normal(size=(STEPS, 1)))
+        for (name, at), measured in zip(swap.items(), (['x'], ['y']))
+    }
+    readings['other'] = (['x'], 0.004, states[:, :1] + 0.004 * rng.normal(size=(STEPS, 1)))
+    found = first(replayed(MASSES, inputs, readings, initial_std=[0.1, 0.01, 0.1, 0.01]))
+    assert (found.kind, found.subject) == ('swapped', 'first')
+    assert 'first and second are exchanged' in found.sentence

@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from . import (
+    backlash,
     bias,
     coloured,
     common_noise,
@@ -63,8 +64,9 @@ PLAIN: Sequence[Detector] = (
 #: Detectors of findings in the innovations of a filter.
 FITTED: Sequence[Detector] = (
     units.find, mounting.find, exchanged.find, unrelated.find, outliers.find, lateness.hidden,
-    lag.find, coloured.find, bias.find, inputs.find, input_axes.find, contradicted_parameters.find,
-    first_belief.find, noise_levels.find, lever_arms.find, stretch.find,
+    lag.find, backlash.find, coloured.find, bias.find, inputs.find, input_axes.find,
+    contradicted_parameters.find, first_belief.find, noise_levels.find, lever_arms.find,
+    stretch.find,
 )  # fmt: skip
 #: Detectors of findings that hold from the first seconds on.
 SIMPLE: Sequence[Detector] = (

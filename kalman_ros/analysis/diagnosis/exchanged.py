@@ -24,15 +24,15 @@ _BAD = 2.0
 def find(case: Examination) -> list[Finding]:
     """Return the pairs of which each one's readings fit the predictions of the other.
 
-    The predictions of a slow process are misled by its readings, so that a pair whose readings fit
-    badly is tried.
+    The predictions of a slow process are misled by its readings, so that the pairs whose readings
+    fit worst are tried. (Those of a lost filter are among its candidates.)
     """
-    findings = []
-    for one, other in _alike(case):
+    findings, linear = [], case.evidence.scenario.plan.linear
+    for number, (one, other) in enumerate(_worst(case)):
         gain = _gain_of(case, one, other) + _gain_of(case, other, one)
-        bad = all(_is_bad(case, name) for name in (one, other))
-        if gain <= CHANCE and bad and case.evidence.scenario.plan.linear:
-            gain = explained(case.passage, passage(_swapped(case, one, other)))
+        bad = any(_is_bad(case, name) for name in (one, other))
+        if gain <= CHANCE and bad and linear and number < _PAIRS:
+            gain = explained(case.passage, passage(_swapped(case, one, other), strict=False))
         if gain > CHANCE:
             findings.append(exchanged(case, one, other, gain))
     return sorted(findings, key=lambda finding: -finding.gain)[:_PAIRS]
@@ -40,10 +40,14 @@ def find(case: Examination) -> list[Finding]:
 
 def candidates(case: Examination) -> Iterator[Finding]:
     """Yield the pairs that fit worst, for a lost filter, whose predictions mean nothing."""
-    squares = {name: float(case.passage.squares(name).mean()) for name in case.judged}
-    pairs = sorted(_alike(case), key=lambda pair: -min(squares[name] for name in pair))
-    for one, other in pairs[:_PAIRS]:
+    for one, other in _worst(case)[:_PAIRS]:
         yield exchanged(case, one, other, 0.0)
+
+
+def _worst(case: Examination) -> list[tuple[str, str]]:
+    """Return the pairs of sensors that read the same unit, those that fit worst first."""
+    squares = {name: float(case.passage.squares(name).mean()) for name in case.judged}
+    return sorted(_alike(case), key=lambda pair: -min(squares[name] for name in pair))
 
 
 def _alike(case: Examination) -> Iterator[tuple[str, str]]:

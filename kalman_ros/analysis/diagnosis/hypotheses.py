@@ -23,6 +23,8 @@ PIECES, _SHORTEST = 30, 1.0
 #: Number of trial delays of inputs, from one sample of the loop on, and the longest (s), also as a
 #: share of the recording.
 _LAGS, _LONGEST, _LONGEST_SHARE = 12, 10.0, 0.1
+#: A rate below this share of its root mean square has no direction.
+_MOVING = 0.1
 #: Trial dead zones: quantiles of the magnitude of the input where it is not zero, and shares of
 #: the first one, for an input that is seldom small.
 _DEAD, _SMALLER = (0.2, 0.35, 0.5, 0.65, 0.8), (0.15, 0.4)
@@ -109,6 +111,11 @@ def _sensor_columns(
     H = np.array([event.H for event in events])
     block[:, :, -1] = np.einsum('eij,ej->ei', H, model.time_derivative(X, U))
     labels.append(('stamp', name))
+    ways = _directions(block[:, :, -1])
+    for i in np.flatnonzero(np.ptp(ways, axis=0) == 2.0).tolist():
+        block = np.concatenate((block, np.zeros((N, k, 1))), axis=2)
+        block[:, i, -1] = ways[:, i]
+        labels.append(('play', name, str(i)))
     arms = displaced(evidence.scenario, name, X)
     if arms is not None:
         block = np.concatenate((block, arms), axis=2)
@@ -117,6 +124,21 @@ def _sensor_columns(
         block = np.concatenate((block, tilted(source, values)), axis=2)
         labels += [('turn', name, axis) for axis in 'xyz']
     return block, labels
+
+
+def directions(evidence: Evidence, passage: Passage, name: str) -> Array:
+    """Return the direction, -1 or 1, in which each coordinate of a sensor moves (N, k)."""
+    events = [passage.events[i] for i in passage.of(name)]
+    X, U = np.array([event.x for event in events]), np.array([event.u for event in events])
+    H = np.array([event.H for event in events])
+    return _directions(np.einsum('eij,ej->ei', H, evidence.scenario.model.time_derivative(X, U)))
+
+
+def _directions(rates: Array) -> Array:
+    """Return the directions of rates (N, k); one that is next to zero keeps the last direction."""
+    fast = np.abs(rates) > _MOVING * np.sqrt(np.mean(rates**2, axis=0))
+    last = np.maximum.accumulate(np.where(fast, np.arange(len(rates))[:, None], 0), axis=0)
+    return np.asarray(np.sign(np.take_along_axis(rates, last, axis=0)))
 
 
 def displaced(scenario: Scenario, name: str, X: Array) -> Array | None:

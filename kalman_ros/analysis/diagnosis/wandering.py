@@ -31,7 +31,9 @@ _PIECES, _FOLLOWED, _JUMPS = 200, 0.5, 3.0
 _BEFORE = 1.0
 #: Trial time constants of noise by the interval of the readings, the longest by the recording,
 #: and the share of the variance that stays white, so that the readings have an inverse.
-_TIMES, _SHARE, _WHITE = np.geomspace(1.0, 300.0, 9), 0.2, 0.01
+_TIMES, _SHARE, _WHITE = np.array([2.0, 12.0, 72.0, 432.0]), 0.2, 0.01
+#: Ratio of the first trial times to those between them.
+_BETWEEN = 2.4
 #: Seed of the drawn path: the same recording has the same diagnosis.
 _SEED = 1
 #: Share of a variance that is added, so that what is known exactly has an inverse.
@@ -143,6 +145,8 @@ def coloured(passage: Passage, sensor: str, covariance: Array) -> tuple[float, f
     tried = {time: noise(time) for time in trials.tolist() if time < _SHARE * np.ptp(stamps)}
     if not tried:
         return 0.0, 0.0, np.zeros((len(stamps), len(covariance)))
+    middle = min(tried, key=lambda time: tried[time].misfit)
+    tried |= {time: noise(time) for time in (middle / _BETWEEN, middle * _BETWEEN)}
     time, best = min(tried.items(), key=lambda item: item[1].misfit)
     return passage.misfit - best.misfit, time, best.path()
 
