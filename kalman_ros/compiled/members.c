@@ -56,6 +56,114 @@ FAST void predictions(double *v, long count, double dt, double max_step, long nu
     }
 }
 
+/* S of k rows becomes its factor L; 0 where it is not positive definite */
+INLINE int factored(double *S, long k)
+{
+    for (long j = 0; j < k; j++) {
+        double pivot = S[j * k + j];
+        for (long l = 0; l < j; l++)
+            pivot -= S[j * k + l] * S[j * k + l];
+        if (!(pivot > 0))
+            return 0;
+        S[j * k + j] = sqrt(pivot);
+        for (long i = j + 1; i < k; i++) {
+            double sum = S[i * k + j];
+            for (long l = 0; l < j; l++)
+                sum -= S[i * k + l] * S[j * k + l];
+            S[i * k + j] = sum / S[j * k + j];
+        }
+    }
+    return 1;
+}
+
+INLINE void corrected(double *v, long count, long k)
+{
+    const double *x = v, *P = x + count * N, *H = P + count * N * N, *R = H + count * k * N,
+                 *e = R + count * k * k;
+    double *mean = v + count * (N + N * N + k * N + k * k + k), *out = mean + count * N,
+           *K = out + count * N * N, *S = K + count * N * k;
+    for (long member = 0; member < count; member++) {
+        double HP[MOST_READ * N], L[MOST_READ * MOST_READ], left[N * N], half[N * N];
+        for (long r = 0; r < k; r++)
+            for (int j = 0; j < N; j++) {
+                double sum = 0;
+                for (int l = 0; l < N; l++)
+                    sum += H[r * N + l] * P[l * N + j];
+                HP[r * N + j] = sum;
+            }
+        for (long r = 0; r < k; r++)
+            for (long c = 0; c < k; c++) {
+                double sum = R[r * k + c];
+                for (int l = 0; l < N; l++)
+                    sum += HP[r * N + l] * H[c * N + l];
+                S[r * k + c] = sum;
+            }
+        for (long r = 0; r < k; r++)
+            for (long c = 0; c <= r; c++)
+                L[r * k + c] = S[r * k + c] = S[c * k + r] = 0.5 * (S[r * k + c] + S[c * k + r]);
+        int good = factored(L, k);
+        for (int j = 0; j < N; j++) {
+            double *row = K + j * k;
+            for (long r = 0; r < k; r++) {
+                double sum = HP[r * N + j];
+                for (long l = 0; l < r; l++)
+                    sum -= L[r * k + l] * row[l];
+                row[r] = sum / L[r * k + r];
+            }
+            for (long r = k - 1; r >= 0; r--) {
+                double sum = row[r];
+                for (long l = r + 1; l < k; l++)
+                    sum -= L[l * k + r] * row[l];
+                row[r] = good ? sum / L[r * k + r] : NAN;
+            }
+            mean[j] = x[j];
+            for (long r = 0; r < k; r++)
+                mean[j] += row[r] * e[r];
+            for (int l = 0; l < N; l++) {
+                double sum = j == l;
+                for (long r = 0; r < k; r++)
+                    sum -= row[r] * H[r * N + l];
+                left[j * N + l] = sum;
+            }
+        }
+        dense_product(left, P, half);
+        for (int i = 0; i < N; i++) {
+            double through[MOST_READ];
+            for (long c = 0; c < k; c++) {
+                through[c] = 0;
+                for (long r = 0; r < k; r++)
+                    through[c] += K[i * k + r] * R[r * k + c];
+            }
+            for (int j = 0; j <= i; j++) {
+                double sum = 0;
+                for (int l = 0; l < N; l++)
+                    sum += half[i * N + l] * left[j * N + l];
+                for (long c = 0; c < k; c++)
+                    sum += through[c] * K[j * k + c];
+                out[i * N + j] = out[j * N + i] = sum;
+            }
+        }
+        x += N, P += N * N, H += k * N, R += k * k, e += k;
+        mean += N, out += N * N, K += N * k, S += k * k;
+    }
+}
+
+/* Readings of k numbers: v holds x, P, H, R and the innovation of each member, first all x, and
+ * receives the mean, the covariance in Joseph's form, the gain K and S behind them. Where k is
+ * known to the compiler, loops become sums.
+ */
+FAST void corrections(double *v, long count, long k)
+{
+    if (k == 1)
+        corrected(v, count, 1);
+    else if (k == 2)
+        corrected(v, count, 2);
+    else if (k == 3)
+        corrected(v, count, 3);
+    else
+        corrected(v, count, k);
+}
+
 /* here v receives the Q of a step alone */
 void noises(double *v, long count, double dt, const double *first, long sets)
 {

@@ -8,6 +8,7 @@ is shared, so that threads may share the objects.
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from functools import lru_cache
@@ -28,6 +29,8 @@ _address: Callable[[Any], int] = ctypes.addressof
 _memory: Callable[[Any], Any] = ctypes.c_char.from_buffer
 _POINTER, _NUMBER = ctypes.c_void_p, ctypes.c_double
 _STEPS = 'flow.c', 'step.c', 'members.c'
+#: Most numbers of a reading for which C corrects many members.
+MOST_READ = 12
 
 
 class _Numbered:
@@ -129,6 +132,31 @@ class NativeModel(_Numbered, Model):
                     at, C = original.step(at, input, dt), F @ C @ F.T + Q
                 covariance[k] = C
         return mean.reshape(x.shape), covariance.reshape(covariances.shape)
+
+    def corrected_moments(
+        self, x: Array, P: Array, H: Array, R: Array, innovation: Array
+    ) -> tuple[Array, Array, Array, Array]:
+        """Return means and covariances after readings, with K and S, of many members at once."""
+        n, lead, k = x.shape[-1], innovation.shape[:-1], innovation.shape[-1]
+        if innovation.ndim == 1 or k > MOST_READ or (n,) != self._c_shapes[0]:
+            return super().corrected_moments(x, P, H, R, innovation)
+        given = (x, (n,)), (P, (n, n)), (H, (k, n)), (R, (k, k)), (innovation, (k,))
+        sizes = n, n * n, n * k, k * k
+        count, behind = math.prod(lead), n + n * n + n * k + k * k + k
+        v = np.empty(count * (behind + sum(sizes)) + 1)
+        at = 0
+        for value, shape in given:
+            end = at + count * math.prod(shape)
+            v[at:end].reshape(*lead, *shape)[...] = value
+            at = end
+        self._c_library.corrections(_address(_memory(v)), count, k)
+        results = []
+        for shape in ((n,), (n, n), (n, k), (k, k)):
+            end = at + count * math.prod(shape)
+            results.append(v[at:end].reshape(*lead, *shape))
+            at = end
+        mean, covariance, K, S = results
+        return mean, covariance, K, S
 
     def derivative(self, x: Array, u: Array) -> Array:
         """Return dx/dt (..., n)."""
@@ -301,6 +329,8 @@ def native_model(model: Model, *, wait: bool = True) -> Model:
     _declare(library.noises, _NUMBER)
     _declare(library.linearized_steps, _NUMBER, _NUMBER)
     _declare(library.predictions, _NUMBER, _NUMBER, ctypes.c_long)
+    library.corrections.argtypes = [_POINTER, ctypes.c_long, ctypes.c_long]
+    library.corrections.restype = None
     found: Model = derive(
         NativeModel,
         model,
@@ -369,6 +399,7 @@ def _model_source(parameters: Parameters) -> str:
         'M': model.input.size,
         'COUNT': len(parameters.values),
         'MOST_SUBSTEPS': formulas.most,
+        'MOST_READ': MOST_READ,
     }
     sparse = {'A': formulas.jacobian, 'W': formulas.density}
     if formulas.slope is not None:

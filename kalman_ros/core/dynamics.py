@@ -132,6 +132,23 @@ class Dynamics(ABC):
             P = kernels(x).sandwich(F, P, Q)
         return x, P
 
+    def corrected_moments(
+        self, x: Array, P: Array, H: Array, R: Array, innovation: Array
+    ) -> tuple[Array, Array, Array, Array]:
+        """Return x + K innovation and (I - K H) P (I - K H)' + K R K', with K and S.
+
+        K = P H' S^-1 and S = H P H' + R, for any leading axes.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If a single S is not positive definite; of several, its results are NaN.
+        """
+        k = kernels(x)
+        H, R = k.ordered(H, R)
+        K, S = k.gain(P, H, R)
+        return k.corrected(x, K, innovation), k.joseph(K, H, P, R), K, S
+
     def step_noise(self, x: Array, u: Array, dt: float) -> Array:
         """Return the Q of `linearized_step`."""
         return self.linearized_step(x, u, dt).Q

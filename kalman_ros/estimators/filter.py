@@ -211,13 +211,11 @@ class LinearUpdate(SmoothableFilter):
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Return x + K innovation, (I - K H) P (I - K H)' + K R K', with K = P H' S^-1."""
         x, P = belief
-        k = kernels(x)
-        H, R = k.ordered(sensor.jacobian(x), sensor.covariance)
+        H, R = sensor.jacobian(x), sensor.covariance
         innovation = sensor.output.subtract(y, sensor.measure(x))
         if isinstance(belief, Diffuse):
             return self._begin(belief, innovation, H, R)
-        K, S = k.gain(P, H, R)
-        mean, covariance = k.corrected(x, K, innovation), k.joseph(K, H, P, R)
+        mean, covariance, K, S = self.model.corrected_moments(x, P, H, R, innovation)
         moved = self.model.state.arrived(mean, x, covariance)
         return Correction(unchecked(moved), innovation, S, K, H)
 
