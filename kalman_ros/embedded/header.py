@@ -4,15 +4,22 @@
 from __future__ import annotations
 
 import re
+from math import ceil, inf, isfinite
 
 import numpy as np
 
 from kalman_ros.core import Space
+from kalman_ros.core.model import MOST_SUBSTEPS
+from kalman_ros.scenario.lever_arm import LeverArm
 
 from . import law_text
 from .identifiers import Names, comment
 from .loop import Loop
 from .texts import PRECISIONS, named, text
+
+#: What becomes of the law where something else computes the input.
+_HANDED_OVER = """. It may
+ * be beyond the limits: the law goes on within them, as after NAME_idle"""
 
 
 def header_texts(loop: Loop, names: Names, precision: str, source: str) -> dict[str, str]:
@@ -75,6 +82,14 @@ def _fields(loop: Loop, names: Names, precision: str) -> dict[str, str]:
         'law_functions': '' if law is None else law_text.functions(law),
         'law_cases': '' if law is None else law_text.cases(law),
         'control': '' if law is None else law_text.timed(loop.rate),
+        'worth': (
+            'PREFIX_RESTARTED of NAME_predict and\n * PREFIX_NOT_FINITE of NAME_control are'
+            if law is not None
+            else 'PREFIX_RESTARTED of\n * NAME_predict is'
+        ),
+        'long': _longest(loop),
+        'init': '' if law is None else '; the state at rest is held',
+        'handed_over': '' if law is None else _HANDED_OVER,
     }
     if m:
         places = _places(f'{names.name.upper()}_U', names.inputs)
@@ -129,6 +144,23 @@ def _places(prefix: str, names: dict[str, str]) -> str:
     return ',\n'.join(f'    {prefix}_{own} = {k}' for k, own in enumerate(names.values()))
 
 
+def _longest(loop: Loop) -> str:
+    """Return what a long step is, and what it takes."""
+    model, gap = loop.scenario.believed.model, loop.estimation.policy.max_gap
+    lines = [f'After more than {gap:g} s the first belief is taken again.'] if gap else []
+    if model.is_discrete:
+        lines.append(
+            f'The model has steps of {model.period:g} s: the one nearest to the time counts.'
+        )
+    elif not model.is_linear and isfinite(model.max_step):
+        parts = min(ceil((gap or inf) / model.max_step) if gap else MOST_SUBSTEPS, MOST_SUBSTEPS)
+        lines.append(
+            f'A step is integrated in parts of at most {model.max_step:g} s, up to {parts}: one'
+        )
+        lines.append('after a pause takes longer by as much.')
+    return '\n'.join(f' * {line.strip()}' for line in lines) or ' *'
+
+
 def _model_fields(loop: Loop) -> str:
     n, m = loop.space.size, loop.idle.size
     if not loop.scenario.believed.model.is_linear:
@@ -144,6 +176,9 @@ def _sensor_lines(loop: Loop, names: Names) -> list[str]:
     for name, each in loop.sensors.items():
         signal = loop.scenario.sensors[name].signal
         turned = ', in the axes of the body' if signal.mounting.turned else ''
+        if isinstance(each, LeverArm):
+            place = ', '.join(f'{value:g}' for value in each.arm)
+            turned += f', at its place, ({place}) m forward, left and up of the centre'
         std = ', '.join(f'{value:g}' for value in np.sqrt(each.covariance.diagonal()))
         lines.append(
             f' *     {names.sensors[name]}: {comment(str(each.output))}{turned}; '

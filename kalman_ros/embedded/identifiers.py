@@ -25,8 +25,9 @@ _KEYWORDS = set(
 #: Names of files that an exported folder or a compiler has.
 _FILES = set(
     """
-    assert check complex ctype errno fenv float inttypes iso646 limits locale math setjmp signal
-    stdarg stdbool stddef stdint stdio stdlib string tgmath time wchar wctype
+    GNUmakefile Makefile makefile assert check complex ctype errno fenv float inttypes iso646
+    limits locale math setjmp signal stdarg stdbool stddef stdint stdio stdlib string tgmath
+    time wchar wctype
     """.split()  # noqa: SIM905
 )
 _IDENTIFIER = re.compile(r'[A-Za-z][A-Za-z0-9_]{0,62}', re.ASCII)

@@ -138,7 +138,9 @@ def loop(
     scenario = _enabled(scenario)
     policy = replace(policy or Policy(), window=_IN_ORDER)
     if not 0.0 <= policy.max_gap <= _LONGEST_GAP:
-        raise ValueError(f'max_gap: expected at most {_LONGEST_GAP:g} s for C')
+        raise ValueError(
+            f'max_gap: expected 0 to {_LONGEST_GAP:g} s for C, got {policy.max_gap:g}'
+        )
     if not 0 <= policy.recover_after <= _MOST_REJECTIONS:
         raise ValueError(f'gate_recover_after: expected at most {_MOST_REJECTIONS} for C')
     if policy.from_reading or policy.from_rest:

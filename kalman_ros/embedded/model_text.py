@@ -31,7 +31,8 @@ def _discrete(model: Any) -> list[str]:
     step = model.transition(np.zeros(model.state.size), np.zeros(model.input.size), model.period)
     return [
         'enum { DONE = 0, OVERFLOW_WITHIN = 2 };\n'
-        f'#define PERIOD {number(model.period)}\n#define MOST_PERIODS {MOST_PERIODS}\n',
+        f'#define PERIOD {number(model.period)}\n#define PERIOD_NS {model.period * 1e9!r}\n'
+        f'#define MOST_PERIODS {MOST_PERIODS}\n',
         numbers('STATE_MATRIX', step.F),
         numbers('INPUT_MATRIX', step.G),
         numbers('NOISE_COVARIANCE', step.Q),

@@ -82,11 +82,12 @@ class Calls:
         """Let ``dt`` seconds pass."""
         if not 0.0 <= dt < 1e9:
             return self._call('P', 0, [dt], _BAD_TIME)
-        before = self._estimator.restarts
-        self._time += round(dt * 1e9)
+        before, passed = self._estimator.restarts, round(dt * 1e9)
+        self._time += passed
         self._estimator.add_input(self._time, self._input)
         restarted = self._estimator.restarts > before
-        return self._call('P', 0, [dt], _RESTARTED if restarted else 0)
+        # Python's stamps are whole nanoseconds
+        return self._call('P', 0, [passed * 1e-9], _RESTARTED if restarted else 0)
 
     def correct(self, index: int, y: Array, R: Array | None = None) -> Call:
         """Fuse a reading, with the covariance of its message."""

@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -42,12 +43,23 @@ class Written:
         Their names.
     calls
         Number of recorded calls.
+    precision
+        float64 or float32.
     """
 
     folder: Path
     name: str
     files: Sequence[str]
     calls: int
+    precision: str = 'float64'
+
+    def discard(self) -> None:
+        """Remove the files, what was made of them, and the folder if nothing else is in it."""
+        made = [f'{self.name}.o', f'lib{self.name}.a', 'check.out']
+        for file in [*self.files, *made, *(each.name for each in self.folder.glob('*.su'))]:
+            (self.folder / file).unlink(missing_ok=True)
+        if self.folder.is_dir() and not any(self.folder.iterdir()):
+            self.folder.rmdir()
 
 
 @dataclass(frozen=True)
@@ -142,13 +154,16 @@ def write(
     if precision == 'float32':
         _check_resolution(loop, calls)
     found['vectors.txt'] = text(loop, calls)
+    written = Written(folder, name, [*found], len(calls), precision)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for file, contents in found.items():
             (folder / file).write_text(contents)
     except OSError as error:
+        with suppress(OSError):
+            written.discard()
         raise ValueError(f'out: cannot write to {folder}: {error.strerror}') from None
-    return Written(folder, name, [*found], len(calls))
+    return written
 
 
 def _check_resolution(loop: Loop, calls: Sequence[Call]) -> None:
@@ -171,10 +186,22 @@ def build(written: Written) -> Built | None:
     Raises
     ------
     ValueError
-        If the compiler fails, or C does not compute what Python did.
+        If the compiler fails, or C does not compute what Python did; then nothing stays there.
     """
     if missing():
         return None
+    try:
+        return _built(written)
+    except ValueError as error:
+        written.discard()
+        if written.precision == 'float32' and 'check:' in str(error):
+            raise ValueError(
+                f'precision: float32 is too coarse for this loop, take float64: {error}'
+            ) from None
+        raise
+
+
+def _built(written: Written) -> Built:
     command = compiler()
     here, name = written.folder, written.name
     flags = '-O2 -fstack-usage' if 'clang' not in command[0] else '-O2'
@@ -183,16 +210,16 @@ def build(written: Written) -> Built | None:
     assert said is not None, out
     text_, data, *_ = _run(here, ['size', f'{name}.o']).splitlines()[1].split()
     difference = out.rpartition('largest difference ')[2].partition(' ')[0]
-    usage = [*here.glob('*.su')]
-    stack = sum(map(_frames, (each for each in usage if each.stem.startswith(name))))
-    for each in usage:
+    usage = here / f'{name}.su'
+    stack = _frames(usage) if usage.exists() else None
+    for each in here.glob('*.su'):
         each.unlink()
     _run(here, ['make', 'clean'])
     return Built(
         ' '.join(command),
         int(text_) + int(data),
         int(said[1]),
-        stack if usage else None,
+        stack,
         float(said[2]),
         _operations(written),
         float(difference),
@@ -245,5 +272,5 @@ def _run(folder: Path, command: Sequence[str]) -> str:
     if done.returncode:
         lines = [line for line in done.stderr.splitlines() if 'error' in line or 'check:' in line]
         said = lines[0] if lines else (done.stderr.splitlines() or [''])[0]
-        raise ValueError(f'{command[0]} failed in {folder}: {said.strip()}')
+        raise ValueError(f'{command[0]} failed: {said.strip()}')
     return done.stdout

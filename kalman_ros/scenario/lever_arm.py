@@ -60,7 +60,7 @@ class LeverArm(Sensor):
         gravity: float = 0.0,
     ) -> None:
         self._at_centre, self._body = sensor, body
-        self._arm = vector('mount.translation', arm, 3)
+        self.arm = vector('mount.translation', arm, 3)
         # whether there is gravity is no number that a compiled sensor may change
         self._up, self._weighs = np.array([0.0, 0.0, gravity]), bool(gravity)
         self.output, self.covariance = sensor.output, sensor.covariance
@@ -79,7 +79,7 @@ class LeverArm(Sensor):
     def at(self, arm: Sequence[float]) -> LeverArm:
         """Return the same sensor at another place (3,)."""
         other = copy(self)
-        other._arm = vector('mount.translation', arm, 3)
+        other.arm = vector('mount.translation', arm, 3)
         return other
 
     def measure(self, x: Array) -> Array:
@@ -115,9 +115,9 @@ class LeverArm(Sensor):
     def _moved(self, x: Array) -> Array:
         """Return R l; roll, pitch and yaw are about the fixed axes x, y, z (REP-103)."""
         if self._body.has_rotation:
-            return so3.rotate(self._body.attitude(x), self._arm)
+            return so3.rotate(self._body.attitude(x), self.arm)
         roll, pitch, yaw = (self._body.value(x, angle) for angle in ANGLES)
-        a, b, c = self._arm
+        a, b, c = self.arm
         b, c = np.cos(roll) * b - np.sin(roll) * c, np.sin(roll) * b + np.cos(roll) * c
         a, c = np.cos(pitch) * a + np.sin(pitch) * c, np.cos(pitch) * c - np.sin(pitch) * a
         a, b = np.cos(yaw) * a - np.sin(yaw) * b, np.sin(yaw) * a + np.cos(yaw) * b
@@ -128,12 +128,12 @@ class LeverArm(Sensor):
 
     def _swung(self, x: Array) -> Array:
         """Return w x l."""
-        return np.cross(self._rate(x), self._arm)
+        return np.cross(self._rate(x), self.arm)
 
     def _drawn(self, x: Array) -> Array:
         """Return w x (w x l) + R' (0, 0, g)."""
         rate = self._rate(x)
-        drawn = np.cross(rate, np.cross(rate, self._arm))
+        drawn = np.cross(rate, np.cross(rate, self.arm))
         if not self._weighs:
             return np.asarray(drawn)
         return np.asarray(drawn + so3.rotate_back(self._body.attitude(x), self._up))

@@ -330,3 +330,42 @@ def test_where_a_formula_has_no_derivative_differences_are_those_of_python(at, t
         calls += [python.predict(0.01), python.correct(0, np.array([1.0, 0.3]))]
     assert {call.outcome for call in calls} == {0}
     assert differences(Exported(loop_, tmp_path), calls).max() < 1e-9
+
+
+@pytest.mark.parametrize('rate', [60.0, 7.0])
+def test_a_period_that_is_no_whole_number_of_nanoseconds(rate, tmp_path):
+    rates = {'rate': rate, 'position.rate': rate, 'velocity.rate': rate}
+    loop = of_scenario('mass_spring_damper', rates)
+    assert differences(Exported(loop, tmp_path), recorded(loop, 300)).max() < CLOSE
+
+
+@pytest.mark.parametrize('dt', [0.04, 0.06, 0.1, 0.25])
+def test_steps_of_a_model_in_discrete_time_are_counted_from_the_beginning(dt, tmp_path):
+    """Calls more often than each half a period do not stop it."""
+    model = kr.discrete_model([[1, 0.1], [-0.05, 0.98]], [[0.005], [0.1]], [0.0, 1e-3], period=0.1)
+    built = kr.make_scenario(
+        model, kr.sensor([[1.0, 0.0]], 0.01), rate=10.0, initial=([0.0, 0.0], np.eye(2))
+    )
+    exported = loop(built, control=False)
+    calls, rng = Calls(exported), np.random.default_rng(3)
+    made = [calls.input(np.array([1.0]))]
+    for step in range(100):
+        made.append(calls.predict(dt))
+        if step % 5 == 0:
+            made.append(calls.correct(0, rng.normal(size=1)))
+    assert differences(Exported(exported, tmp_path), made).max() < CLOSE
+    assert abs(made[-1].mean[0]) > 0.1
+
+
+def test_the_law_goes_on_from_an_input_that_comes_from_elsewhere(tmp_path):
+    """Within the limit of the rate, and within the limits if that input is beyond them."""
+    limits = limits_of(1, {'input_limit': [4.0], 'input_rate_limit': [20.0]})
+    loop = of_scenario('mass_spring_damper', limits=limits)
+    c = Exported(loop, tmp_path)
+    for given, least, most in ((4.0, 3.8, 4.0), (-1e6, -4.0, -3.8), (0.5, 0.3, 0.7)):
+        c.call('P', 0, [0.01])
+        assert c.call('I', 0, [given]) == 0
+        assert c.input[0] == given
+        c.call('P', 0, [0.01])
+        assert c.call('U', 0, [0.01]) == 0
+        assert least - 1e-12 <= c.input[0] <= most + 1e-12

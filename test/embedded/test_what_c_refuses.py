@@ -136,8 +136,8 @@ def test_no_name_is_mixed_up_with_one_of_ours(name, tmp_path):
 @pytest.mark.parametrize(
     ('policy', 'says'),
     [
-        (Policy(max_gap=np.inf), 'max_gap: expected at most 1e'),
-        (Policy(max_gap=1e12), 'max_gap: expected at most 1e'),
+        (Policy(max_gap=np.inf), 'max_gap: expected 0 to 1e'),
+        (Policy(max_gap=1e12), 'max_gap: expected 0 to 1e'),
         (Policy(recover_after=5_000_000_000), 'gate_recover_after: expected at most 1000000000'),
         (Policy(from_reading=True), 'initialize: expected belief, got reading'),
         (Policy(rest_until_input=True), 'rest_until_input: expected false'),
@@ -181,3 +181,61 @@ def test_a_notebook_has_the_options_of_the_file(tmp_path):
     text = (tmp_path / 'b' / 'dc_motor.c').read_text()
     assert 'MAX_GAP INT64_C(3000000000)' in text
     assert 'RECOVER_AFTER 0' in text
+
+
+@pytest.mark.slow
+@needs_a_compiler
+@pytest.mark.parametrize('own', [False, True])
+def test_what_failed_leaves_nothing_of_ours(own, tmp_path, monkeypatch):
+    folder = tmp_path / 'c'
+    written = write(of_scenario('dc_motor'), folder, 'loop', steps=20)
+    if own:
+        (folder / 'notes.txt').write_text('mine')
+    vectors = (folder / 'vectors.txt').read_text().replace('0x1.', '0x1.8')
+    (folder / 'vectors.txt').write_text(vectors)
+    with pytest.raises(ValueError, match='^make failed: check: FAIL'):
+        build(written)
+    assert [each.name for each in tmp_path.rglob('*')] == (['c', 'notes.txt'] if own else [])
+
+
+def test_a_disk_that_is_full_leaves_nothing(tmp_path, monkeypatch):
+    original, left = Path.write_text, iter((True, True, False))
+
+    def write_text(self, *text):
+        if not next(left):
+            original(self, 'a part')
+            raise OSError(28, 'No space left on device')
+        return original(self, *text)
+
+    monkeypatch.setattr(Path, 'write_text', write_text)
+    with pytest.raises(ValueError, match='^out: cannot write to .*: No space left on device$'):
+        write(of_scenario('dc_motor'), tmp_path / 'c', 'loop', steps=20)
+    assert not (tmp_path / 'c').exists()
+
+
+@pytest.mark.slow
+@needs_a_compiler
+def test_the_stack_does_not_depend_on_the_name(tmp_path):
+    stacks = [
+        build(write(of_scenario('dc_motor'), tmp_path / name, name, steps=20)).stack
+        for name in ('ch', 'k')
+    ]
+    assert stacks[0] == stacks[1]
+
+
+@pytest.mark.parametrize('name', ['Makefile', 'makefile', 'check', 'math'])
+def test_a_name_is_no_file_that_is_there_or_in_c(name, tmp_path):
+    with pytest.raises(ValueError, match=f"name: expected another than '{name}'"):
+        write(of_scenario('dc_motor'), tmp_path / 'c', name)
+
+
+def test_the_header_tells_what_a_robot_has(tmp_path):
+    arm = {'position.mount.translation': [0.8, 0.3, 0.0]}
+    header = loop_files(of_scenario('robot_2d', arm), 'loop', 'float64', 'a test')['loop.h']
+    assert 'After more than 60 s the first belief is taken again.' in header
+    assert 'at its place, (0.8, 0.3, 0) m forward, left and up of the centre' in header
+    assert 'loop_control' not in header
+    header = loop_files(of_scenario('cart_pole'), 'loop', 'float64', 'a test')['loop.h']
+    assert 'LOOP_NOT_FINITE of loop_control are worth' in header
+    assert 'in parts of at most 0.01 s, up to 6000: one\n * after a pause' in header
+    assert max(map(len, header.splitlines())) < 120

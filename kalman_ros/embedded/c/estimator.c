@@ -11,8 +11,19 @@ NAME_outcome NAME_input(loop_state *s, const real *u)
         return PREFIX_NOT_FINITE;
     for (int j = 0; j < M; j++)
         s->input[j] = u[j];
+#ifdef LAW
+    taken_over(s);
+#endif
     return PREFIX_FUSED;
 }
+
+#ifdef PERIOD
+/* The number of the step of the model that is nearest to a time. */
+static double nearest(int64_t time)
+{
+    return rint((double)time / PERIOD_NS);
+}
+#endif
 
 NAME_outcome NAME_predict(loop_state *s, real dt)
 {
@@ -21,12 +32,19 @@ NAME_outcome NAME_predict(loop_state *s, real dt)
         return PREFIX_BAD_TIME;
     if (dt == 0)
         return PREFIX_FUSED;
-    const int64_t passed = (int64_t)llround(dt * R(1e9));
+    int64_t passed = (int64_t)llround(dt * R(1e9));
     if (s->time > INT64_MAX / 4) { /* after 73 years: what was then says nothing now */
         s->time = 0;
         memset(s->records, 0, sizeof s->records);
     }
     s->time += passed;
+#ifdef PERIOD
+    const double steps = nearest(s->time) - nearest(s->time - passed);
+    if (steps <= 0)
+        return PREFIX_FUSED;
+    dt = (real)steps * PERIOD;
+    passed = (int64_t)llround(steps * PERIOD_NS);
+#endif
     memcpy(x, s->x, sizeof x);
     memcpy(P, s->P, sizeof P);
     if ((MAX_GAP > 0 && passed > MAX_GAP) || !predicted(s, dt, x, P) || !are_finite(x, N) ||

@@ -85,6 +85,21 @@ void NAME_follow(loop_state *s)
 }
 #endif
 
+/* The output acts. */
+static void act(loop_state *s, real *u)
+{
+    for (int j = 0; j < M; j++)
+        u[j] = s->input[j] = s->output[j];
+}
+
+/* The input that acts is from elsewhere: the law goes on from it. */
+static void taken_over(loop_state *s)
+{
+    for (int j = 0; j < M; j++)
+        s->output[j] = fmin(fmax(s->input[j], LOWER[j]), UPPER[j]);
+    s->released = 1;
+}
+
 /* Move the output towards a wanted one. */
 static void toward(loop_state *s, const real *wanted, real seconds)
 {
@@ -190,14 +205,13 @@ NAME_outcome NAME_control(loop_state *s, real dt, real *u)
 #endif
     (void)passed;
     s->begun = 1;
-    memcpy(u, s->output, sizeof s->output);
-    return NAME_input(s, u);
+    act(s, u);
+    return PREFIX_FUSED;
 }
 
 void NAME_idle(loop_state *s, real dt, real *u)
 {
     toward(s, IDLE, dt > 0 && dt < LONGEST ? dt : 0);
-    memcpy(u, s->output, sizeof s->output);
-    (void)NAME_input(s, u);
+    act(s, u);
     s->released = 1;
 }

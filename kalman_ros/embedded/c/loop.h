@@ -10,7 +10,7 @@
  * The input u ({{inputs_in_words}}):
 {{inputs}}
  *
- * The sensors, with what NAME_correct_SENSOR takes:
+ * The sensors, with what NAME_correct_SENSOR takes; those that read at one time, in this order:
 {{sensors}}
  *
  * Call NAME_init once. Then, in this order, in each step of the loop:
@@ -19,10 +19,9 @@
  *     NAME_correct_SENSOR(&loop, y, 0);        for each sensor that has a new reading
 {{calls}}
  *
- * A function with an outcome returns what became of it. PREFIX_RESTARTED and PREFIX_NOT_FINITE of NAME_predict or
- * NAME_control are worth a look; a reading that is refused changes nothing but the records. A step
- * takes the longer the longer dt is: it is integrated in parts, and a loop that waited may take a hundred
- * times as long for one step. dt of NAME_predict is 0 or more.
+ * A function with an outcome returns what became of it. {{worth}} worth a look; a reading
+ * that is refused changes nothing but the records. dt of NAME_predict is 0 or more.
+{{long}}
  *
  * Nothing is allocated, nothing is recursive, no function waits, and all that changes is in the
  * struct: several loops, or several threads with a loop each, need nothing else.
@@ -82,10 +81,10 @@ typedef struct {
     NAME_record records[{{SENSORS}}];
 {{model_fields}}{{law_fields}}} NAME_loop;
 
-/* The first belief, at time 0, and the idle input. */
+/* The first belief, at time 0, and the idle input{{init}}. */
 void NAME_init(NAME_loop *loop);
 
-/* The input u ({{inputs_in_words}}) acts from now on; for who computes it elsewhere. */
+/* The input u ({{inputs_in_words}}) acts from now on; for who computes it elsewhere{{handed_over}}. */
 NAME_outcome NAME_input(NAME_loop *loop, const NAME_real *u);
 
 /* dt seconds pass. */
