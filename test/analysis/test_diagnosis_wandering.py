@@ -52,8 +52,11 @@ def passed(readings):
     return Passage(events, whitened)
 
 
-def covariance(count, density):
-    """Return the covariance of all readings, from that of states and offsets at all steps."""
+def covariance(count, density, time=0.0):
+    """Return the covariance of all readings, from that of states and offsets at all steps.
+
+    The offset is a walk, or with a ``time`` noise of the declared size that is correlated so long.
+    """
     size = 2 * count
     states, P = np.zeros((size, size)), FIRST
     for k in range(count):
@@ -68,13 +71,17 @@ def covariance(count, density):
     for k in range(count):
         read[k, 2 * k : 2 * k + 2] = (H if k % 2 == 0 else OTHER)[0]
     steps = np.arange(count)
-    walk = density * (1.0 + DT * np.minimum.outer(steps, steps))
     wanders = steps % 2 == 0
-    return read @ states @ read.T + R * np.eye(count) + walk * np.outer(wanders, wanders)
+    error, white = density * (1.0 + DT * np.minimum.outer(steps, steps)), 1.0
+    if time:
+        error = R * np.exp(-DT / time * np.abs(np.subtract.outer(steps, steps)))
+        white = wandering._WHITE
+    noise = R * np.diag(np.where(wanders, white, 1.0))
+    return read @ states @ read.T + noise + error * np.outer(wanders, wanders)
 
 
-def misfit(readings, density):
-    y, S = np.concatenate(readings), covariance(len(readings), density)
+def misfit(readings, density, time=0.0):
+    y, S = np.concatenate(readings), covariance(len(readings), density, time)
     return y @ np.linalg.solve(S, y) + np.linalg.slogdet(2.0 * np.pi * S)[1]
 
 
@@ -84,6 +91,44 @@ def test_its_likelihood_is_that_of_all_readings_at_once(density):
     found = wandering._Error(passed(readings), 'first', [0], np.array([[density]]))
     assert passed(readings).misfit == pytest.approx(misfit(readings, 0.0), rel=1e-10)
     assert found.misfit == pytest.approx(misfit(readings, density), rel=1e-10)
+
+
+@pytest.mark.parametrize('time', [0.05, 0.4, 3.0])
+def test_the_likelihood_of_noise_that_is_correlated_in_time(time):
+    readings = recorded()
+    noise = np.array([[2.0 * R / time]])
+    found = wandering._Error(
+        passed(readings), 'first', [0], noise, 1.0 / time, white=wandering._WHITE
+    )
+    assert found.misfit == pytest.approx(misfit(readings, 0.0, time), rel=1e-10)
+
+
+def test_the_likeliest_time_of_noise_is_found():
+    """At some of the trial times, of which the best ones have neighbours."""
+    rng, time, count = np.random.default_rng(5), 2.0, 600
+    readings, error = recorded(count, density=0.0), 0.0
+    for k in range(0, count, 2):
+        left = np.exp(-2.0 * DT / time)
+        error = left * error + (R * (1.0 - left**2)) ** 0.5 * rng.normal()
+        readings[k] = readings[k] - R**0.5 * _white_of(count, k) + error
+    given = passed(readings)
+    gain, found, path = wandering.coloured(given, 'first', np.array([[R]]))
+    assert 0.5 * time < found < 2.5 * time and gain > 100.0
+    assert path.shape == (count // 2, 1)
+    assert gain == pytest.approx(given.misfit - misfit(readings, 0.0, found), rel=1e-6)
+
+
+def _white_of(count, k, seed=3):
+    """Return the white noise of a reading of `recorded`, in deviations."""
+    rng = np.random.default_rng(seed)
+    rng.multivariate_normal(np.zeros(2), FIRST), rng.normal()
+    for step in range(count):
+        noise = rng.normal(size=1)
+        if step == k:
+            return noise
+        rng.multivariate_normal(np.zeros(2), Q)
+        rng.normal()
+    raise IndexError(k)
 
 
 def test_the_likeliest_intensity_is_found_from_a_coarse_one():

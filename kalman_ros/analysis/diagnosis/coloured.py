@@ -32,7 +32,7 @@ def find(case: Examination) -> Iterator[Finding]:
     The noise has its declared size, and decays with a time constant. To a filter that takes it for
     white, it is a state, so that the innovations are too small, or correlated.
     """
-    if len(case.passage.events) > _LONGEST:
+    if len(case.passage.events) > _LONGEST or case.passage.mean_square > _LARGE:
         return
     for name in case.judged:
         e = case.passage.whitened_of(name)
