@@ -84,6 +84,8 @@ def test_temperatures_have_the_scale_and_zero_of_their_definitions(name, reading
         ([0.0], 5, 1, [-2.0]),
         ([], 50, 50, []),
         (np.repeat(np.linspace(-1, 1, 100), 2), 50, 50, []),
+        # a value far from all others is one in place of a reading
+        (np.linspace(0.5, 1, 100), 6, 1, []),
     ],
 )
 def test_a_sensor_is_saturated_where_an_end_is_read_more_often_than_the_rest(

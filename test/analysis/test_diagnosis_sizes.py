@@ -1,13 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Causes whose size is fitted: beside a bias that is followed, and where a filter is misled."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tools.doctor_score.array_replay import replay
 
-from kalman_ros.analysis.diagnosis import bias
+from kalman_ros.analysis.diagnosis import bias, common_noise
 from kalman_ros.analysis.diagnosis.diagnose import diagnose
 from kalman_ros.analysis.diagnosis.examination import Examination
+from kalman_ros.analysis.diagnosis.finding import Finding
+from kalman_ros.analysis.diagnosis.hypotheses import edges
 from kalman_ros.analysis.records import InputRecord
 from kalman_ros.core import Sensor, Space
 
@@ -220,6 +224,29 @@ def test_the_course_of_an_error_is_told_with_its_size(fault, kind, noise, word, 
     assert found.kind == kind and found.subject.startswith('scale'), found.sentence
     words = [part.strip('+;,:') for part in found.sentence.split()]
     assert float(words[word]) == pytest.approx(size, abs=within), found.sentence
+    # without it nothing is left
+    assert Examination(found.mended()).passage.mean_square == pytest.approx(1.0, abs=0.06)
+
+
+@pytest.mark.parametrize('kind', ['constant', 'ramp', 'step'])
+def test_an_offset_is_fitted_again_about_what_was_corrected(kind):
+    inputs = pushes()
+    states = moved(inputs)
+    case = Examination(replayed(MASSES, inputs, places(states)))
+    limits = edges(case.passage)
+    shape = bias._shape(kind, 7, len(limits) - 1)
+    times = case.evidence.sensors['places'].stamp
+    piece = np.clip(np.searchsorted(limits, times, 'right') - 1, 0, len(shape) - 1)
+    y = places(states)['places'][2] + 0.01 * shape[piece][:, None] * [1.0, 0.0]
+    case = Examination(
+        replayed(MASSES, inputs, {**places(states), 'places': (['x', 'y'], 0.002, y)})
+    )
+    rough = bias.Course(kind, 0.004 * shape, 100.0, began=7)
+    found = bias._finding(case, 'places', {0: rough}, limits)
+    once = found.again(Examination(found.mended()))
+    again = bias._finding(case, 'places', {0: replace(rough, values=0.01 * shape)}, limits)
+    read = [each.mended().sensors['places'].value[:, 0] for each in (once, again)]
+    np.testing.assert_allclose(*read, atol=0.002 * shape.max())
 
 
 def test_noise_that_two_sensors_share_is_found_beside_what_hides_it():
@@ -231,6 +258,19 @@ def test_noise_that_two_sensors_share_is_found_beside_what_hides_it():
     }
     found = first(replayed(MASSES, inputs, {**places(states), **readings}))
     assert (found.kind, found.subject) == ('correlated noise', 'left and right')
+
+
+def test_of_noise_in_common_the_clearer_finding_counts():
+    def found(subject, gain):
+        return Finding('correlated noise', subject, '', 1.0, gain=gain)
+
+    before = [found('a and b', 50.0), found('a and c', 90.0)]
+    after = [found('a and b', 30.0), found('b and c', 40.0)]
+    clearest = common_noise.clearest(before, after)
+    assert [(each.subject, each.gain) for each in clearest] == [
+        ('a and b', 50.0),
+        ('b and c', 40.0),
+    ]
 
 
 def test_a_push_on_one_of_several_inputs_is_named_alone():
