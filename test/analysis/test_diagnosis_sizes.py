@@ -8,6 +8,7 @@ import pytest
 from tools.doctor_score.array_replay import replay
 
 from kalman_ros.analysis.diagnosis import bias, common_noise
+from kalman_ros.analysis.diagnosis import inputs as input_faults
 from kalman_ros.analysis.diagnosis.diagnose import diagnose
 from kalman_ros.analysis.diagnosis.examination import Examination
 from kalman_ros.analysis.diagnosis.finding import Finding
@@ -293,3 +294,23 @@ def test_readings_of_a_slow_process_are_exchanged():
     found = first(replayed(MASSES, inputs, readings, initial_std=[0.1, 0.01, 0.1, 0.01]))
     assert (found.kind, found.subject) == ('swapped', 'first')
     assert 'first and second are exchanged' in found.sentence
+
+
+def test_what_an_input_loses_at_all_times_is_no_dead_zone():
+    given = pushes() + np.array([7.0, 0.0])  # the first one is never near zero
+    case = Examination(replayed(MASSES, given, places(moved(given - np.array([0.6, 0.0])))))
+    kinds = {finding.kind for finding in input_faults.find(case) if finding.subject == 'f'}
+    assert 'disturbance' in kinds and 'dead zone' not in kinds
+
+
+@pytest.mark.parametrize(('every', 'count'), [(1, 1), (400, 0)])
+def test_a_sine_is_corrected_where_inputs_follow_it(every, count):
+    """A command that holds for seconds has no room for a sine between two of them."""
+    time = DT * np.arange(STEPS)
+    given = np.zeros((STEPS, 2))
+    shaken = given + np.array([2.0, 0.0]) * np.sin(2.0 * np.pi * 0.4 * time)[:, None]
+    evidence = replayed(MASSES, given, places(moved(shaken)))
+    record = evidence.inputs
+    rare = InputRecord(record.received[::every], record.stamp[::every], record.value[::every])
+    found = input_faults._find_tones(Examination(replace(evidence, inputs=rare)))
+    assert len([finding for finding in found if 'at 0.4' in finding.sentence]) == count
