@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kalman_ros.linear.kernels import kernels
+from kalman_ros.linear.kernels import corrected_moments, kernels
 from kalman_ros.linear.matrices import Array
 
 from .space import Space
@@ -132,22 +132,8 @@ class Dynamics(ABC):
             P = kernels(x).sandwich(F, P, Q)
         return x, P
 
-    def corrected_moments(
-        self, x: Array, P: Array, H: Array, R: Array, innovation: Array
-    ) -> tuple[Array, Array, Array, Array]:
-        """Return x + K innovation and (I - K H) P (I - K H)' + K R K', with K and S.
-
-        K = P H' S^-1 and S = H P H' + R, for any leading axes.
-
-        Raises
-        ------
-        numpy.linalg.LinAlgError
-            If a single S is not positive definite; of several, its results are NaN.
-        """
-        k = kernels(x)
-        H, R = k.ordered(H, R)
-        K, S = k.gain(P, H, R)
-        return k.corrected(x, K, innovation), k.joseph(K, H, P, R), K, S
+    #: The mean and covariance after a reading, for any leading axes.
+    corrected_moments = staticmethod(corrected_moments)
 
     def step_noise(self, x: Array, u: Array, dt: float) -> Array:
         """Return the Q of `linearized_step`."""

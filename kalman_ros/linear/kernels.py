@@ -15,3 +15,21 @@ def kernels(x: Array) -> Any:
     Both modules have the same names, so that a filter is written once.
     """
     return single if x.ndim == 1 else batched
+
+
+def corrected_moments(
+    x: Array, P: Array, H: Array, R: Array, innovation: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Return x + K innovation and (I - K H) P (I - K H)' + K R K', with K and S.
+
+    K = P H' S^-1 and S = H P H' + R, for any leading axes.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If a single S is not positive definite; of several, its results are NaN.
+    """
+    k = kernels(x)
+    H, R = k.ordered(H, R)
+    K, S = k.gain(P, H, R)
+    return k.corrected(x, K, innovation), k.joseph(K, H, P, R), K, S

@@ -222,7 +222,7 @@ TABLE = (
       on('stars', interrupted, (12, 27, 45), 6)),
     R('telescope', 'stars_clock', 811, 'clock drift', 'stars', 0.002, 's/s',
       on('stars', fast_clock, 0.002)),
-    R('telescope', 'gyro_walks', 812, 'random wave', 'gyro', 0.004, 'rad/s/sqrt(s)',
+    R('telescope', 'gyro_walks', 812, 'random walk', 'gyro', 0.004, 'rad/s/sqrt(s)',
       on('gyro', wandering, 0.004, **_TURN)),
 
     R('mixer', 'clogged', 813, 'parameter', 'outlet flow.outlet', 0.0125,
