@@ -46,23 +46,26 @@ def _delay_findings(evidence: Evidence, name: str, record: SensorRecord) -> Iter
     low, middle, high = np.quantile(late, (0.1, 0.5, 0.9))
     window = float(evidence.parameters.get('window', 1.0))
     old = int((record.outcome == Outcome.TOO_OLD.name).sum())
-    note = f'; {old} were dropped as older than the window of {window:g} s' if old else ''
     sufficient = round(float(1.2 * late.max()) + 0.05, 2)
     change = {'window': sufficient} if sufficient > window else {}
-    harmless = not old and not change
+    note = ''
+    if old:
+        note = f'; {old} were dropped as older than the window of {window:g} s'
+    elif change:
+        note = f'; the window of {window:g} s is just long enough'
     if high - low > max(_HARMLESS, 0.5 * middle):
         yield Finding(
             'jitter', name,
             f'readings of {name} are received {late.min():.3g} to {late.max():.3g} s after their '
             f'stamp, half of them before {middle:.3g} s{note}.',
-            inf, change, figure=picture(name, record, 'latency'), note=harmless,
+            inf, change, figure=picture(name, record, 'latency'), note=not old,
         )  # fmt: skip
     elif low > _HARMLESS:
         yield Finding(
             'delay', name,
             f'readings of {name} are received {middle:.3g} s after their stamp{note}. Their '
             'stamps are right: with a window that is longer than that, none is lost.',
-            inf, change, figure=picture(name, record, 'latency'), note=harmless,
+            inf, change, figure=picture(name, record, 'latency'), note=not old,
         )  # fmt: skip
 
 
