@@ -11,6 +11,8 @@ from math import degrees
 import numpy as np
 
 from kalman_ros.core import Array, Space, rotations
+from kalman_ros.core.quantity import quantity
+from kalman_ros.sensors.landmarks import Landmarks
 
 from .alignment import aligned
 from .evidence import Evidence
@@ -28,11 +30,13 @@ def find(case: Examination) -> list[Finding]:
     """Return the sensors whose readings fit after an exchange or a rotation of axes."""
     findings = []
     for name in case.judged:
-        space = case.evidence.scenario.sensors[name].sensor.output
+        sensor = case.evidence.scenario.sensors[name].sensor
+        space = sensor.output
         if space.size < 2 or not case.responses.columns('mix', name):
             continue
         findings += [*_find_swap(case, name, space.size), *_find_misaligned(case, name)]
-        for group in vectors(space):
+        # ranges of several landmarks are no axes
+        for group in () if isinstance(sensor, Landmarks) else vectors(space):
             findings += [*_find_rotation(case, name, group), *_find_crossed(case, name, group)]
     return findings
 
@@ -179,8 +183,16 @@ def _misaligned(case: Examination, name: str, turn: Array, fit: Fit) -> Finding:
 
 
 def _find_crossed(case: Examination, name: str, group: tuple[int, ...]) -> list[Finding]:
-    """Return the axis that reads a part of another one most significantly."""
-    fits = {(i, j): _crossing(case, name, i, j) for i, j in permutations(group, 2)}
+    """Return the axis of a vector that reads a part of another one most significantly."""
+    found = [quantity(field) for field in case.evidence.scenario.sensors[name].signal.fields]
+    owners = [each and (each.owner, each.names) for each in found]
+    fits = {
+        (i, j): _crossing(case, name, i, j)
+        for i, j in permutations(group, 2)
+        if owners[i] is not None and owners[i] == owners[j]
+    }
+    if not fits:
+        return []
     (i, j), fit = max(fits.items(), key=lambda item: item[1].gain)
     if fit.gain < CHANCE or abs(float(fit.size[0])) < _SMALL:
         return []
