@@ -4,12 +4,15 @@
 from __future__ import annotations
 
 from .evidence import Evidence
-from .examination import CHANCE, Examination
+from .examination import Examination
 from .finding import Finding
 from .hypotheses import directions
 from .noise_levels import innovations
 from .responses import Fit
 from .units import label_of
+
+#: A play that explains less is no finding.
+_LEAST = 100.0
 
 
 def find(case: Examination) -> list[Finding]:
@@ -18,7 +21,7 @@ def find(case: Examination) -> list[Finding]:
     for name in case.judged:
         for index in range(case.evidence.scenario.sensors[name].sensor.output.size):
             fit = _fit(case, name, index)
-            if fit is not None and fit.gain > CHANCE:
+            if fit is not None and fit.gain > _LEAST:
                 findings.append(_lagging(case, name, index, float(fit.size[0]), fit))
     return findings
 

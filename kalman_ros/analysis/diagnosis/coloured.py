@@ -22,6 +22,8 @@ _FEWEST, _LONGEST = 100, 20_000
 _SMALL, _LARGE, _CORRELATED = 0.8, 1.3, 0.15
 #: Significance of either, in standard deviations.
 _FAR = 6.0
+#: It must explain this many times as much as noise that is smaller than declared, and white.
+_BETTER = 1.5
 #: Seed of the white noise in place of the correlated one.
 _SEED = 2
 
@@ -39,7 +41,7 @@ def find(case: Examination) -> Iterator[Finding]:
         if len(e) >= _FEWEST and _is_suspect(e):
             R = np.median(case.evidence.sensors[name].covariance, axis=0)
             gain, time, path = wandering.coloured(case.passage, name, R)
-            if gain > CHANCE:
+            if gain > CHANCE and gain > _BETTER * wandering.whiter(case.passage, name, len(R)):
                 yield _coloured(case, name, gain, time, path)
 
 

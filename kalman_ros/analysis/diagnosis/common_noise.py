@@ -16,8 +16,10 @@ from .finding import Curve, Figure, Finding
 
 #: Fewest pairs of readings, and smallest correlation that is a finding.
 _FEWEST, _RELEVANT = 50, 0.1
-#: How much larger it is than that of successive innovations, which shows another cause.
-_MORE = 1.5
+#: How much larger it is than that of readings after each other, which shows another cause.
+_MORE = 2.0
+#: The same for the readings of one sensor, which noise in common correlates by the filter.
+_ALONE = 1.5
 #: Largest difference of the stamps of a pair, as a share of the interval of the sensor.
 _TOGETHER = 0.3
 
@@ -53,8 +55,9 @@ def _find(case: Examination, one: str, other: str) -> Finding | None:
     i, j = np.unravel_index(int(np.argmax(np.abs(r))), r.shape)
     correlation = float(np.clip(r[i, j], -0.999999, 0.999999))
     gain = -len(A) * log1p(-(correlation**2))
-    in_time = max(_in_time(case, one, int(i)), _in_time(case, other, int(j)))
-    if gain < CHANCE or abs(correlation) < max(_RELEVANT, _MORE * in_time):
+    apart = max(_mean_product(A[1:, i], B[:-1, j]), _mean_product(A[:-1, i], B[1:, j]))
+    in_time = max(_mean_product(each[1:], each[:-1]) for each in (A[:, i], B[:, j]))
+    if gain < CHANCE or abs(correlation) < max(_RELEVANT, _MORE * apart, _ALONE * in_time):
         return None
     sensors = case.evidence.scenario.sensors
     labels = [
@@ -71,10 +74,9 @@ def _find(case: Examination, one: str, other: str) -> Finding | None:
     )  # fmt: skip
 
 
-def _in_time(case: Examination, name: str, index: int) -> float:
-    """Return the magnitude of the correlation of innovations of successive readings."""
-    e = case.passage.whitened_of(name)[:, index]
-    return abs(float(e[1:] @ e[:-1])) / max(float(e @ e), 1e-300)
+def _mean_product(a: Array, b: Array) -> float:
+    """Return the magnitude of the correlation of numbers (N,) of zero mean."""
+    return abs(float(a @ b)) / max(float(np.sqrt((a @ a) * (b @ b))), 1e-300)
 
 
 def _pairs(case: Examination, one: str, other: str) -> Array:

@@ -31,9 +31,11 @@ _PIECES, _FOLLOWED, _JUMPS = 200, 0.5, 3.0
 _BEFORE = 1.0
 #: Trial time constants of noise by the interval of the readings, the longest by the recording,
 #: and the share of the variance that stays white, so that the readings have an inverse.
-_TIMES, _SHARE, _WHITE = np.array([2.0, 12.0, 72.0, 432.0]), 0.2, 0.01
+_TIMES, _SHARE, _WHITE = np.array([5.0, 30.0, 180.0, 1080.0]), 0.2, 0.01
 #: Ratio of the first trial times to those between them.
 _BETWEEN = 2.4
+#: Trial shares of the covariance of noise that is smaller than declared.
+_SMALLER = (0.3, 0.1, 0.03, 0.01, 1e-3)
 #: Seed of the drawn path: the same recording has the same diagnosis.
 _SEED = 1
 #: Share of a variance that is added, so that what is known exactly has an inverse.
@@ -146,9 +148,17 @@ def coloured(passage: Passage, sensor: str, covariance: Array) -> tuple[float, f
     if not tried:
         return 0.0, 0.0, np.zeros((len(stamps), len(covariance)))
     middle = min(tried, key=lambda time: tried[time].misfit)
-    tried |= {time: noise(time) for time in (middle / _BETWEEN, middle * _BETWEEN)}
+    between = (middle / _BETWEEN, middle * _BETWEEN)
+    tried |= {time: noise(time) for time in between if time > min(trials)}
     time, best = min(tried.items(), key=lambda item: item[1].misfit)
     return passage.misfit - best.misfit, time, best.path()
+
+
+def whiter(passage: Passage, sensor: str, size: int) -> float:
+    """Return the reduction of the misfit by smaller noise of a sensor, which stays white."""
+    none = np.zeros((size, size))
+    tried = (_Error(passage, sensor, range(size), none, 1.0, share) for share in _SMALLER)
+    return passage.misfit - min(error.misfit for error in tried)
 
 
 class _Error:
