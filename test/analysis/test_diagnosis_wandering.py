@@ -103,6 +103,25 @@ def test_the_likelihood_of_noise_that_is_correlated_in_time(time):
     assert found.misfit == pytest.approx(misfit(readings, 0.0, time), rel=1e-10)
 
 
+def test_smaller_noise_that_stays_white_is_the_simpler_cause():
+    readings = recorded(200, density=0.0)
+    for k in range(0, 200, 2):
+        readings[k] = readings[k] - 0.8 * R**0.5 * _white_of(
+            200, k
+        )  # a fifth of the noise is left
+    given = passed(readings)
+    shares = [np.where(np.arange(200) % 2, 1.0, share) for share in wandering._SMALLER]
+    y, whole = np.concatenate(readings), covariance(200, 0.0)
+    best = min(
+        y @ np.linalg.solve(S, y) + np.linalg.slogdet(2.0 * np.pi * S)[1]
+        for S in (whole + R * np.diag(share - 1.0) for share in shares)
+    )
+    gain = wandering.whiter(given, 'first', 1)
+    assert gain == pytest.approx(given.misfit - best, rel=1e-8) and gain > 30.0
+    found, _, _ = wandering.coloured(given, 'first', np.array([[R]]))
+    assert found < 1.5 * gain
+
+
 def test_the_likeliest_time_of_noise_is_found():
     """At some of the trial times, of which the best ones have neighbours."""
     rng, time, count = np.random.default_rng(5), 2.0, 600
