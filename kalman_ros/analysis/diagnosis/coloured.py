@@ -75,4 +75,5 @@ def _coloured(case: Examination, name: str, gain: float, time: float, path: Arra
         'white. The filter takes each reading for news, and is surer than it should be: let it '
         'follow them (bias_std), or declare more noise.',
         gain**0.5, gain=gain, is_exact=True, figure=innovations(case, name, 0), mended=mended,
+        absorbs=True,
     )  # fmt: skip

@@ -139,7 +139,8 @@ def diagnose(
         if best is None:
             break
         uncorrected = None
-        finding, case = best
+        finding, after = best
+        case = case if finding.absorbs else after
         findings.append(finding)
     findings += common_noise.clearest(correlated, common_noise.find(case))
     notes += leftover.find(case)

@@ -87,6 +87,8 @@ class Finding:
         the evidence needs no correction.
     passage
         Filter pass over the corrected evidence, if it is already known.
+    absorbs
+        Whether its correction takes other causes with it, so that the search goes on without.
     """
 
     kind: str
@@ -110,6 +112,7 @@ class Finding:
     is_exact: bool = False
     mended: Callable[[], Evidence] | None = field(default=None, repr=False, compare=False)
     passage: Passage | None = field(default=None, repr=False, compare=False)
+    absorbs: bool = False
 
     @property
     def cautious(self) -> bool:
