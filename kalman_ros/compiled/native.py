@@ -141,10 +141,8 @@ class NativeModel(_Numbered, Model):
         if innovation.ndim == 1 or k > MOST_READ or (n,) != self._c_shapes[0]:
             return super().corrected_moments(x, P, H, R, innovation)
         given = (x, (n,)), (P, (n, n)), (H, (k, n)), (R, (k, k)), (innovation, (k,))
-        sizes = n, n * n, n * k, k * k
-        count, behind = math.prod(lead), n + n * n + n * k + k * k + k
-        v = np.empty(count * (behind + sum(sizes)) + 1)
-        at = 0
+        count, at = math.prod(lead), 0
+        v = np.empty(count * (2 * (n + n * n + n * k + k * k) + k) + 1)
         for value, shape in given:
             end = at + count * math.prod(shape)
             v[at:end].reshape(*lead, *shape)[...] = value

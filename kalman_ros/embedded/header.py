@@ -17,7 +17,7 @@ from .identifiers import Names, comment
 from .loop import Loop
 from .texts import PRECISIONS, named, text
 
-#: What becomes of the law where something else computes the input.
+#: Note of a header on the law after an input by hand.
 _HANDED_OVER = """. It may
  * be beyond the limits: the law goes on within them, as after NAME_idle"""
 

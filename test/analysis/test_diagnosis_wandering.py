@@ -2,11 +2,12 @@
 """The likelihood of a walk of a sensor is that of all readings as one Gaussian vector."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from kalman_ros.analysis.diagnosis import wandering
+from kalman_ros.analysis.diagnosis import coloured, wandering
 from kalman_ros.analysis.diagnosis.passage import Event, Passage, whitener
 
 F, Q, H, R, DT = (
@@ -214,3 +215,19 @@ def test_a_walk_moves_by_chance_and_not_with_the_readings(offset, walks):
 def test_what_does_not_move_at_all_or_is_short_is_no_evidence_against_a_walk():
     assert wandering.is_walk(np.arange(100.0), np.zeros((100, 1)), np.ones((100, 1)))
     assert wandering.is_walk(np.arange(3.0), np.arange(3.0)[:, None], np.arange(3.0)[:, None])
+
+
+def test_noise_of_no_size_is_not_examined(monkeypatch):
+    """A sensor that is exact by declaration has a covariance without an inverse."""
+    readings = recorded(240, density=0.0)
+    given = passed(readings)
+
+    def singular(*_):
+        raise np.linalg.LinAlgError('singular')
+
+    monkeypatch.setattr(coloured.wandering, 'coloured', singular)
+    monkeypatch.setattr(coloured, '_is_suspect', lambda _: True)
+    record = SimpleNamespace(covariance=np.full((120, 1, 1), R))
+    evidence = SimpleNamespace(sensors={'first': record, 'second': record})
+    case = SimpleNamespace(passage=given, judged=['first', 'second'], evidence=evidence)
+    assert list(coloured.find(case)) == []

@@ -38,11 +38,16 @@ def find(case: Examination) -> Iterator[Finding]:
         return
     for name in case.judged:
         e = case.passage.whitened_of(name)
-        if len(e) >= _FEWEST and _is_suspect(e):
-            R = np.median(case.evidence.sensors[name].covariance, axis=0)
+        if len(e) < _FEWEST or not _is_suspect(e):
+            continue
+        R = np.median(case.evidence.sensors[name].covariance, axis=0)
+        try:
             gain, time, path = wandering.coloured(case.passage, name, R)
-            if gain > CHANCE and gain > _BETTER * wandering.whiter(case.passage, name, len(R)):
-                yield _coloured(case, name, gain, time, path)
+            least = _BETTER * wandering.whiter(case.passage, name, len(R))
+        except np.linalg.LinAlgError:  # noise of next to no size
+            continue
+        if gain > max(CHANCE, least):
+            yield _coloured(case, name, gain, time, path)
 
 
 def _is_suspect(e: Array) -> bool:

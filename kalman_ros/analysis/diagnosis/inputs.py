@@ -51,7 +51,7 @@ def _with_input(evidence: Evidence, index: int, column: Array) -> Evidence:
 
 
 class _Part(NamedTuple):
-    """What a fault adds to an input (N,), with its gain and its words."""
+    """The addition of a fault to an input (N,), with its gain and its words."""
 
     input: int
     change: Array

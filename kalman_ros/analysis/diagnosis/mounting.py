@@ -184,8 +184,8 @@ def _misaligned(case: Examination, name: str, turn: Array, fit: Fit) -> Finding:
 
 def _find_crossed(case: Examination, name: str, group: tuple[int, ...]) -> list[Finding]:
     """Return the axis of a vector that reads a part of another one most significantly."""
-    found = [quantity(field) for field in case.evidence.scenario.sensors[name].signal.fields]
-    owners = [each and (each.owner, each.names) for each in found]
+    fields = case.evidence.scenario.sensors[name].signal.fields
+    owners = [read and (read.owner, read.names) for read in map(quantity, fields)]
     fits = {
         (i, j): _crossing(case, name, i, j)
         for i, j in permutations(group, 2)
