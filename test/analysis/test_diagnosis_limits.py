@@ -619,3 +619,12 @@ def test_stamps_are_rounded_if_the_receipt_is_twice_as_regular(times, found):
     plain = rounded(0.01, 0.0333)
     spread = float(np.std(np.diff(plain.stamp)))
     assert bool(roundings(rounded(0.01, 0.0333, noise=spread / times))) is found
+
+
+@pytest.mark.parametrize(('outcome', 'note'), [(Outcome.FUSED, True), (Outcome.TOO_OLD, False)])
+def test_a_jitter_by_which_no_reading_is_lost_is_a_note(outcome, note):
+    stamp = np.arange(20.0)
+    late = record(stamp, stamp + np.resize([0.1, 0.9], 20))
+    late.outcome[:] = outcome.name
+    (finding,) = lateness.find(case(late, window=1.0))
+    assert (finding.kind, finding.note) == ('jitter', note)

@@ -314,3 +314,14 @@ def test_a_sine_is_corrected_where_inputs_follow_it(every, count):
     rare = InputRecord(record.received[::every], record.stamp[::every], record.value[::every])
     found = input_faults._find_tones(Examination(replace(evidence, inputs=rare)))
     assert len([finding for finding in found if 'at 0.4' in finding.sentence]) == count
+
+
+def test_noise_that_is_correlated_in_time_hides_no_offset():
+    rng, inputs = np.random.default_rng(11), pushes()
+    states = moved(inputs)
+    y = alike(rng, states[:, 0]) + 0.004 * (DT * np.arange(STEPS) > 15.0)
+    readings = {**places(states), 'scale': (['x'], 0.002, y[:, None])}
+    findings = diagnose(replayed(MASSES, inputs, readings), proofs=False).findings
+    assert findings[0].kind == 'coloured noise'
+    offsets = {'bias', 'drift', 'random walk', 'disturbed'}
+    assert any(each.kind in offsets and each.subject == 'scale' for each in findings)

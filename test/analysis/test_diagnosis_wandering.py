@@ -231,3 +231,16 @@ def test_noise_of_no_size_is_not_examined(monkeypatch):
     evidence = SimpleNamespace(sensors={'first': record, 'second': record})
     case = SimpleNamespace(passage=given, judged=['first', 'second'], evidence=evidence)
     assert list(coloured.find(case)) == []
+
+
+@pytest.mark.parametrize(('white', 'count'), [(60.0, 1), (70.0, 0)])
+def test_smaller_white_noise_that_explains_nearly_as_much_is_preferred(monkeypatch, white, count):
+    given = passed(recorded(240, density=0.0))
+    monkeypatch.setattr(coloured.wandering, 'coloured', lambda *_: (100.0, 1.0, None))
+    monkeypatch.setattr(coloured.wandering, 'whiter', lambda *_: white)
+    monkeypatch.setattr(coloured, '_is_suspect', lambda _: True)
+    monkeypatch.setattr(coloured, '_coloured', lambda *_: 'finding')
+    record = SimpleNamespace(covariance=np.full((120, 1, 1), R))
+    evidence = SimpleNamespace(sensors={'first': record})
+    case = SimpleNamespace(passage=given, judged=['first'], evidence=evidence)
+    assert list(coloured.find(case)) == ['finding'] * count
