@@ -6,6 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from . import recordings
+from .eighth import recordings as eighth
 from .fifth import recordings as fifth
 from .fourth import recordings as fourth
 from .real import recordings as real
@@ -24,6 +25,7 @@ SETS: dict[str, dict[str, Recording]] = {
     'fifth': fifth.RECORDINGS,
     'sixth': sixth.RECORDINGS,
     'seventh': seventh.RECORDINGS,
+    'eighth': eighth.RECORDINGS,
     'real': real.RECORDINGS,
 }
 #: The recordings of all sets.
@@ -36,7 +38,7 @@ def write(name: str, folder: str | Path) -> None:
     """Write the two files of a recording of any set into a new or an empty folder."""
     writer = next(
         each
-        for each in (recordings, second, third, fourth, fifth, sixth, seventh, real)
+        for each in (recordings, second, third, fourth, fifth, sixth, seventh, eighth, real)
         if name in each.RECORDINGS
     )
     writer.write(name, folder)
