@@ -184,15 +184,17 @@ class Model(Dynamics):
 
         The classical method of Runge and Kutta, of fourth order; on rotations that of Munthe-Kaas.
         """
-        k1 = self.derivative(x, u)
-        k2 = self._rate(x, 0.5 * h * k1, u)
-        k3 = self._rate(x, 0.5 * h * k2, u)
-        k4 = self._rate(x, h * k3, u)
-        return self.state.reached(x + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4), x)
+        state, derivative = self.state, self.derivative
 
-    def _rate(self, x: Array, d: Array, u: Array) -> Array:
-        """Return the rate of change of ``d``, the difference from ``x``."""
-        return self.state.pulled_back(d, self.derivative(self.state.reached(x + d, x), u))
+        def rate(d: Array) -> Array:
+            """Return the rate of change of ``d``, the difference from ``x``."""
+            return state.pulled_back(d, derivative(state.reached(x + d, x), u))
+
+        k1 = derivative(x, u)
+        k2 = rate(0.5 * h * k1)
+        k3 = rate(0.5 * h * k2)
+        k4 = rate(h * k3)
+        return state.reached(x + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4), x)
 
     @property
     def analytic(self) -> bool:
