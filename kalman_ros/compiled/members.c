@@ -30,6 +30,33 @@ void linearized_steps(double *v, long count, double dt, double max_step, const d
     }
 }
 
+/* C += A B', a sum over columns after the other, whole rows at a time */
+INLINE void add_product_transposed(const double *A, const double *B, double *C)
+{
+    double turned[N * N];
+    for (int i = 0; i < N; i++)
+        for (int j = 0; j < N; j++)
+            turned[i * N + j] = B[j * N + i];
+    for (int i = 0; i < N; i++)
+        for (int l = 0; l < N; l++)
+            for (int j = 0; j < N; j++)
+                C[i * N + j] += A[i * N + l] * turned[l * N + j];
+}
+
+/* out = F P F' + Q, symmetric */
+INLINE void sandwiched(const double *F, const double *P, const double *Q, double *out)
+{
+    double FP[N * N];
+    dense_product(F, P, FP);
+    for (int i = 0; i < N; i++)
+        for (int j = 0; j < N; j++)
+            out[i * N + j] = 0.5 * (Q[i * N + j] + Q[j * N + i]);
+    add_product_transposed(FP, F, out);
+    for (int i = 0; i < N; i++)
+        for (int j = 0; j < i; j++)
+            out[j * N + i] = out[i * N + j];
+}
+
 /* here v holds a covariance of each member, too, and receives x' and F P F' + Q after a number of
  * steps of length dt */
 FAST void predictions(double *v, long count, double dt, double max_step, long number,
@@ -37,21 +64,17 @@ FAST void predictions(double *v, long count, double dt, double max_step, long nu
 {
     const double *x = v, *u = x + count * N, *p = first, *P = u + count * M;
     double *moved = v + count * (N + M + N * N), *out = moved + count * N;
-    double F[N * N], Q[N * N], FP[N * N];
+    double F[N * N], Q[N * N], after[N * N];
     EACH(k, count) {
         const double *from = x, *before = P;
         int failed = 0;
         for (long step = 0; step < number; step++, from = moved, before = out) {
             failed |= linearize(from, u, dt, max_step, p, moved, F, Q);
-            dense_product(F, before, FP);
-            for (int i = 0; i < N; i++)
-                for (int j = 0; j <= i; j++) {
-                    double sum = 0.5 * (Q[i * N + j] + Q[j * N + i]);
-                    for (int l = 0; l < N; l++)
-                        sum += FP[i * N + l] * F[j * N + l];
-                    out[i * N + j] = out[j * N + i] = failed ? NAN : sum;
-                }
+            sandwiched(F, before, Q, after);
+            memcpy(out, after, sizeof after);
         }
+        for (int i = 0; i < N * N && failed; i++)
+            out[i] = NAN;
         moved += N, P += N * N, out += N * N;
     }
 }
@@ -83,14 +106,14 @@ INLINE void corrected(double *v, long count, long k)
     double *mean = v + count * (N + N * N + k * N + k * k + k), *out = mean + count * N,
            *K = out + count * N * N, *S = K + count * N * k;
     for (long member = 0; member < count; member++) {
-        double HP[MOST_READ * N], L[MOST_READ * MOST_READ], left[N * N], half[N * N];
-        for (long r = 0; r < k; r++)
-            for (int j = 0; j < N; j++) {
-                double sum = 0;
-                for (int l = 0; l < N; l++)
-                    sum += H[r * N + l] * P[l * N + j];
-                HP[r * N + j] = sum;
-            }
+        double HP[MOST_READ * N], L[MOST_READ * MOST_READ], left[N * N], half[N * N], after[N * N];
+        for (long r = 0; r < k; r++) {
+            double row[N] = {0};
+            for (int l = 0; l < N; l++)
+                for (int j = 0; j < N; j++)
+                    row[j] += H[r * N + l] * P[l * N + j];
+            memcpy(HP + r * N, row, sizeof row);
+        }
         for (long r = 0; r < k; r++)
             for (long c = 0; c < k; c++) {
                 double sum = R[r * k + c];
@@ -127,6 +150,8 @@ INLINE void corrected(double *v, long count, long k)
             }
         }
         dense_product(left, P, half);
+        memset(after, 0, sizeof after);
+        add_product_transposed(half, left, after);
         for (int i = 0; i < N; i++) {
             double through[MOST_READ];
             for (long c = 0; c < k; c++) {
@@ -135,9 +160,7 @@ INLINE void corrected(double *v, long count, long k)
                     through[c] += K[i * k + r] * R[r * k + c];
             }
             for (int j = 0; j <= i; j++) {
-                double sum = 0;
-                for (int l = 0; l < N; l++)
-                    sum += half[i * N + l] * left[j * N + l];
+                double sum = after[i * N + j];
                 for (long c = 0; c < k; c++)
                     sum += through[c] * K[j * k + c];
                 out[i * N + j] = out[j * N + i] = sum;

@@ -18,17 +18,19 @@ import numpy as np
 
 from kalman_ros.core import Array, LinearizedStep, Model, Sensor, Space, is_finite
 from kalman_ros.core.model import like
+from kalman_ros.core.ordered_data import OrderedData, StepMatrices
 
 from .derived import derive
 from .formulas import of_model, of_sensor, of_space
 from .free_parameters import Parameters, freed
 from .library import load
+from .native_pass import declare, run
 from .source import source
 
 _address: Callable[[Any], int] = ctypes.addressof
 _memory: Callable[[Any], Any] = ctypes.c_char.from_buffer
 _POINTER, _NUMBER = ctypes.c_void_p, ctypes.c_double
-_STEPS = 'flow.c', 'step.c', 'members.c'
+_STEPS = 'flow.c', 'step.c', 'members.c', 'pass.c'
 #: Most numbers of a reading for which C corrects many members.
 MOST_READ = 12
 
@@ -155,6 +157,17 @@ class NativeModel(_Numbered, Model):
             at = end
         mean, covariance, K, S = results
         return mean, covariance, K, S
+
+    def filter_pass(
+        self,
+        belief: tuple[Array, Array],
+        data: OrderedData,
+        parts: Any,
+        sensors: Sequence[Sensor],
+        limits: Sequence[float],
+    ) -> StepMatrices | None:
+        """Return the matrices of an extended filter that processes data in order."""
+        return run(self, *belief, data, parts, sensors, limits, MOST_READ)
 
     def derivative(self, x: Array, u: Array) -> Array:
         """Return dx/dt (..., n)."""
@@ -329,6 +342,7 @@ def native_model(model: Model, *, wait: bool = True) -> Model:
     _declare(library.predictions, _NUMBER, _NUMBER, ctypes.c_long)
     library.corrections.argtypes = [_POINTER, ctypes.c_long, ctypes.c_long]
     library.corrections.restype = None
+    declare(library)
     found: Model = derive(
         NativeModel,
         model,

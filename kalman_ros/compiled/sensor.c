@@ -20,6 +20,17 @@ void readings(double *v, long count, const double *first, long sets)
     }
 }
 
+/* the reading of one state, and H row by row */
+void sensed(const double *x, const double *p, double *y, double *H)
+{
+    double h[H_COUNT + 1];
+    measure(x, p, y);
+    jacobian(x, p, h);
+    memset(H, 0, K * N * sizeof *H);
+    for (int i = 0; i < H_COUNT; i++)
+        H[H_ROW[i] * N + H_COLUMN[i]] = h[i];
+}
+
 /* each H column by column */
 void slopes(double *v, long count, const double *first, long sets)
 {

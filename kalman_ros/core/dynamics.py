@@ -4,14 +4,16 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from math import inf
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from kalman_ros.linear.kernels import corrected_moments, kernels
 from kalman_ros.linear.matrices import Array
 
+from .ordered_data import OrderedData, StepMatrices
 from .space import Space
 
 
@@ -131,6 +133,31 @@ class Dynamics(ABC):
             x, F, Q = self.linearized_step(x, u, dt)
             P = kernels(x).sandwich(F, P, Q)
         return x, P
+
+    def filter_pass(
+        self,
+        belief: tuple[Array, Array],
+        data: OrderedData,
+        parts: Any,
+        sensors: Sequence[Any],
+        limits: Sequence[float],
+    ) -> StepMatrices | None:
+        """Return the matrices of an extended Kalman filter that processes data in order.
+
+        None, the default, where that is not possible at once, or a step fails.
+
+        Parameters
+        ----------
+        belief
+            Mean (n,) and covariance (n, n) at the first instant.
+        data
+            Inputs and readings.
+        parts
+            Parts into which each step is divided (S,).
+        sensors, limits
+            The sensors, and the largest NIS at which a reading of each is fused.
+        """
+        return None
 
     #: The mean and covariance after a reading, for any leading axes.
     corrected_moments = staticmethod(corrected_moments)

@@ -9,12 +9,11 @@ import pytest
 from tools.doctor_score.recordings import recorded
 
 from kalman_ros.analysis.diagnosis import inputs, noise_levels, rate
-from kalman_ros.analysis.diagnosis.belief_walk import Walk
 from kalman_ros.analysis.diagnosis.diagnose import divided
 from kalman_ros.analysis.diagnosis.examination import Examination
 from kalman_ros.analysis.diagnosis.finding import Finding
+from kalman_ros.analysis.diagnosis.passage import passage
 from kalman_ros.analysis.records import InputRecord
-from kalman_ros.estimators.filters.ekf import ExtendedKalmanFilter
 
 
 @pytest.fixture(scope='module')
@@ -108,14 +107,14 @@ def test_a_body_that_rests_until_an_input_does_not_rest_where_there_is_none(
 ):
     parameters = {**evidence.parameters, 'rest_until_input': rests}
     given = commanded(replace(evidence, parameters=parameters), stamps)
-    scenario = evidence.scenario
-    walk = Walk(ExtendedKalmanFilter(scenario.model), given, scenario.initial_belief)
-    walk.to(0.0)
-    walk.to(1.0)
-    before = scenario.initial_belief.covariance
-    assert np.array_equal(walk.belief.covariance, before) != moves
-    walk.to(3.0)
-    assert not np.array_equal(walk.belief.covariance, before)
+    record = evidence.sensors['position']
+    given = replace(given, sensors={'position': record.select(slice(0, 3))})
+    given = given.with_sensor(
+        'position', replace(given.sensors['position'], stamp=np.array([0.0, 1.0, 3.0]))
+    )
+    steps = [event.F for event in passage(given).events]
+    assert np.array_equal(steps[1], np.eye(len(steps[1]))) != moves
+    assert not np.array_equal(steps[2], np.eye(len(steps[2])))
 
 
 @pytest.mark.parametrize('count', [1, 2])

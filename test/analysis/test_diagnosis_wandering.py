@@ -45,9 +45,8 @@ def passed(readings):
         K = P @ H_k.T / S
         white, size = whitener(S)
         name = 'first' if k % 2 == 0 else 'second'
-        events.append(
-            Event(name, k // 2, k * DT, F, Q, DT, x, P, np.zeros(0), H_k, K, S, nu, white, size)
-        )
+        known = x, P, np.zeros(0), H_k, np.array([[R]]), K, S, nu, white, size
+        events.append(Event(name, k // 2, k * DT, F, Q, DT, *known))
         whitened.append(white @ nu)
         x, P = x + K @ nu, P - K @ S @ K.T
     return Passage(events, whitened)

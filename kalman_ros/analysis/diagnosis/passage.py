@@ -10,23 +10,25 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import inf, log, pi
+from math import inf, isnan, log, nan, pi
 from typing import Any
 
 import numpy as np
 
 from kalman_ros.analysis.records import SensorRecord
 from kalman_ros.core import Array, Gaussian, is_finite
+from kalman_ros.core.ordered_data import OrderedData, StepMatrices
 from kalman_ros.estimators import filter_class
+from kalman_ros.estimators.diffuse import Diffuse
 from kalman_ros.estimators.filters.ekf import ExtendedKalmanFilter
-from kalman_ros.linear.single import whitening
+from kalman_ros.estimators.plan import parts
+from kalman_ros.linear.matrices import identity
+from kalman_ros.linear.single import sandwich, scaled, whitening
 from kalman_ros.simulation.computed import computed
 
 from .beginning import likeliest
-from .belief_walk import Walk
 from .evidence import Evidence
 
 LOG_2_PI = log(2.0 * pi)
@@ -39,7 +41,7 @@ _OUTLIER = 5.0
 _OUTLYING = 30.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Event:
     """A reading in a filter pass: the step that led to it, and its correction.
 
@@ -54,8 +56,9 @@ class Event:
         duration in seconds.
     x, P, u
         Prediction (n,), its covariance (n, n), and the input (m,) that led to it.
-    H, K, S, innovation
-        Jacobian of the sensor, gain, innovation covariance and innovation.
+    H, R, K, S, innovation
+        Jacobian of the sensor, covariance of its noise, gain, innovation covariance and
+        innovation.
     white, log
         L^-1 (k, k) with S = L L', and log |2 pi S|.
     """
@@ -70,6 +73,7 @@ class Event:
     P: Array
     u: Array
     H: Array
+    R: Array
     K: Array
     S: Array
     innovation: Array
@@ -146,73 +150,202 @@ def passage(evidence: Evidence, until: float = inf, strict: bool = True) -> Pass
     numpy.linalg.LinAlgError
         If the filter fails and the pass is ``strict``; otherwise the pass ends there.
     """
-    events: list[Event] = []
-    whitened: list[Array] = []
-    try:
-        for event, e in _run_filter(evidence, _initial_belief(evidence, until), until):
-            events.append(event)
-            whitened.append(e)
-    except np.linalg.LinAlgError:
-        if strict:
-            raise
+    data = _ordered(evidence, until)
+    events, whitened, _ = _run_filter(data, _initial_belief(data, until), strict=strict)
     return Passage(events, whitened)
 
 
-def _initial_belief(evidence: Evidence, until: float) -> Gaussian:
+def _initial_belief(data: _Readings, until: float) -> Gaussian:
     """Return the belief from which one filter can follow the readings, or the likeliest part.
 
     A pass over the first seconds starts at the whole belief, since such passes are many, and too
     short to choose a part.
     """
-    scenario = evidence.scenario
+    scenario = data.evidence.scenario
     if not filter_class(scenario.filter).mixture or until < inf:
         return scenario.initial_belief
 
     def follow(part: Gaussian) -> Iterator[float]:
-        for event, e in _run_filter(evidence, part, inf):
+        for event, e in _steps(data, part):
             yield min(float(e.dot(e)), _OUTLYING) + event.log
 
     return likeliest(scenario.initial_belief, scenario.model.state, follow)
 
 
-def _run_filter(
-    evidence: Evidence,
-    first: Gaussian,
-    until: float,
-    gate: tuple[str, float, list[int]] | None = None,
-) -> Iterator[tuple[Event, Array]]:
-    """Yield the events of a pass from the ``first`` belief, and their whitened innovations.
+@dataclass(frozen=True)
+class _Readings:
+    """The readings of a recording, with the sensors' names and the indices in their records.
 
-    A ``gate`` (sensor, largest NIS, list) omits the readings beyond it, and appends their indices
-    to the list.
+    Parameters
+    ----------
+    evidence
+        Recording.
+    names, indices
+        The sensors of ``data``, and for each of their readings its index in the record.
+    data
+        Inputs and readings in order.
     """
-    scenario = computed(evidence.scenario)
-    filter = ExtendedKalmanFilter(scenario.model)
-    sensors = {name: source.sensor for name, source in scenario.sensors.items()}
-    walk = Walk(filter, evidence, first)
-    for time, name, index in _order_readings(evidence, until):
-        F, Q, dt = walk.to(time)
-        record, prior = evidence.sensors[name], walk.belief
-        if not is_finite(prior.mean):
-            raise np.linalg.LinAlgError('the estimate is not finite')
-        sensor = sensors[name].with_covariance(record.covariance[index])
-        correction: Any = filter.correct(prior, record.value[index], sensor)
-        if gate and name == gate[0] and correction.nis > gate[1]:
-            gate[2].append(index)
-            walk.skip(F, Q, dt)
+
+    evidence: Evidence
+    names: list[str]
+    indices: list[Any]
+    data: OrderedData
+
+    def limits(self, gate: tuple[str, float] | None) -> list[float]:
+        """Return the largest NIS of each sensor, with a ``gate`` (sensor, largest NIS)."""
+        name, limit = gate or ('', inf)
+        return [limit if each == name else inf for each in self.names]
+
+
+def _ordered(evidence: Evidence, until: float = inf) -> _Readings:
+    """Return the usable readings in the order of stamps, and of sensors for equal stamps.
+
+    An input acts from its stamp on, behind the readings of that time.
+    """
+    names, indices, times, orders = [], [], [], []
+    for name in evidence.scenario.enabled:
+        record = evidence.sensors.get(name)
+        if record is None or not len(record):
             continue
-        walk.belief = correction.posterior
-        nu, S, H, K = (
-            correction.innovation,
-            correction.innovation_covariance,
-            correction.jacobian,
-            correction.gain,
-        )
-        white, log_determinant = whitener(S)
+        rows = np.flatnonzero(usable(record) & (record.stamp <= until))
+        stamps, first = np.unique(np.round(record.stamp[rows], 9), return_index=True)
+        names.append(name)
+        indices.append(rows[first])
+        times.append(stamps)
+        orders.append(np.arange(len(stamps)))
+    inputs = evidence.inputs
+    acts = np.argsort(inputs.stamp, kind='stable')
+    stamps, last = (
+        np.round(inputs.stamp[acts], 9),
+        max((t[-1] for t in times if len(t)), default=-inf),
+    )
+    acts, stamps = acts[stamps < last], stamps[stamps < last]
+    sensor = np.repeat([*range(len(names)), -1], [*map(len, times), len(stamps)])
+    row = np.concatenate((*orders, np.full(len(stamps), -1))).astype(int)
+    time = np.concatenate((*times, stamps))
+    order = np.lexsort((sensor, sensor < 0, time))
+    time, sensor, row = time[order], sensor[order], row[order]
+    begun = np.cumsum(sensor < 0)
+    dt = np.rint(np.diff(time, prepend=time[:1]) * 1e9) / 1e9  # equal steps, equal durations
+    if evidence.parameters.get('rest_until_input') and len(inputs.stamp):
+        dt[begun - (sensor < 0) == 0] = 0.0
+    data = OrderedData(
+        time,
+        dt,
+        np.vstack((np.zeros(evidence.scenario.model.input.size), inputs.value[acts])),
+        begun - (sensor < 0),
+        sensor,
+        row,
+        [evidence.sensors[name].value[rows] for name, rows in zip(names, indices)],
+        [evidence.sensors[name].covariance[rows] for name, rows in zip(names, indices)],
+    )
+    return _Readings(evidence, names, indices, data)
+
+
+def _run_filter(
+    given: _Readings, first: Gaussian, gate: tuple[str, float] | None = None, *, strict: bool
+) -> tuple[list[Event], list[Array], float]:
+    """Return the events of a pass from the ``first`` belief, and their whitened innovations.
+
+    The last result is the time until which readings were processed, if the filter fails and the
+    pass is not ``strict``; inf otherwise. A ``gate`` (sensor, largest NIS) omits the readings
+    beyond it.
+    """
+    at_once = _matrices(given, first, gate)
+    if at_once is not None:
+        return *_events(given, at_once), inf
+    found, last = list[tuple[Event, Array]](), inf
+    try:
+        for each in _steps(given, first, gate):
+            found.append(each)
+    except np.linalg.LinAlgError:
+        if strict:
+            raise
+        last = found[-1][0].time if found else -inf
+    return [event for event, _ in found], [e for _, e in found], last
+
+
+def _matrices(
+    given: _Readings, first: Gaussian, gate: tuple[str, float] | None
+) -> StepMatrices | None:
+    """Return the matrices of a pass in C; None where it needs a step after the other."""
+    if isinstance(first, Diffuse):
+        return None
+    scenario, data = computed(given.evidence.scenario), given.data
+    lengths, which = np.unique(data.dt, return_inverse=True)
+    counts = np.array([parts(scenario.model, dt) for dt in lengths.tolist()], dtype=int)
+    sensors = [scenario.sensors[name].sensor for name in given.names]
+    limits = given.limits(gate)
+    return scenario.model.filter_pass((*first,), data, counts[which], sensors, limits)
+
+
+def _events(given: _Readings, found: StepMatrices) -> tuple[list[Event], list[Array]]:
+    """Return the events of a pass, and their whitened innovations."""
+    data = given.data
+    at = np.flatnonzero(found.fused)
+    sensor, time = data.sensor[at].tolist(), data.time[at]
+    each = [
+        zip(readings.H, R[rows], *readings[1:-1], np.clip(readings.whitened, -_FAR, _FAR))
+        for readings, R, rows in zip(found.readings, data.covariances, _fused_rows(found, data))
+    ]
+    indices = [given.indices[s][r] for s, r in zip(sensor, data.row[at].tolist())]
+    steps: Any = zip(
+        (given.names[s] for s in sensor), map(int, indices), time.tolist(), found.F, found.Q,
+        np.diff(time, prepend=time[:1]).tolist(), found.x, found.P, data.inputs[data.input[at]],
+    )  # fmt: skip
+    events, whitened = [], []
+    for s, step in zip(sensor, steps):
+        *matrices, log_size, e = next(each[s])
+        whole: Any = (*step, *matrices, float(log_size))
+        events.append(Event(*whole))
+        whitened.append(e)
+    return events, whitened
+
+
+def _fused_rows(found: StepMatrices, data: OrderedData) -> Iterator[Any]:
+    """Yield the readings of each sensor that are fused, by index."""
+    for s in range(len(data.readings)):
+        yield data.row[found.fused & (data.sensor == s)]
+
+
+def _steps(
+    given: _Readings, belief: Gaussian, gate: tuple[str, float] | None = None
+) -> Iterator[tuple[Event, Array]]:
+    """Yield the events of a pass from a belief, one after the other."""
+    scenario, data = computed(given.evidence.scenario), given.data
+    filter, limits = ExtendedKalmanFilter(scenario.model), given.limits(gate)
+    sensors = [scenario.sensors[name].sensor for name in given.names]
+    known, F, Q, before = False, *_no_step(belief), nan
+    for time, dt, act, s, row in zip(
+        *(each.tolist() for each in (data.time, data.dt, data.input, data.sensor, data.row))
+    ):
+        u = data.inputs[act]
+        if dt > 0.0:
+            belief, F_k, Q_k = filter.linearized(belief, u, dt)
+            F, Q = (scaled(F_k, F), sandwich(F_k, Q, Q_k)) if known else (F_k, Q_k)
+            known = True
+        if s < 0:
+            continue
+        if not is_finite(belief.mean):
+            raise np.linalg.LinAlgError('the estimate is not finite')
+        sensor = sensors[s].with_covariance(data.covariances[s][row])
+        found: Any = filter.correct(belief, data.readings[s][row], sensor)
+        before = time if isnan(before) else before
+        if found.nis > limits[s]:
+            continue
+        nu, S = found.innovation, found.innovation_covariance
+        white, log_size = whitener(S)
+        index = int(given.indices[s][row])
         event = Event(
-            name, index, time, F, Q, dt, *prior, walk.u, H, K, S, nu, white, log_determinant
-        )
+            given.names[s], index, time, F, Q, time - before, *belief, u,
+            found.jacobian, sensor.covariance, found.gain, S, nu, white, log_size,
+        )  # fmt: skip
+        known, F, Q, before, belief = False, *_no_step(belief), time, found.posterior
         yield event, np.minimum(np.maximum(white.dot(nu), -_FAR), _FAR)
+
+
+def _no_step(belief: Gaussian) -> tuple[Array, Array]:
+    return identity(belief.mean.size), np.zeros(belief.covariance.shape)
 
 
 def whitener(S: Array) -> tuple[Array, float]:
@@ -231,12 +364,13 @@ def whitener(S: Array) -> tuple[Array, float]:
 
 def rejected(evidence: Evidence, name: str, limit: float) -> Array:
     """Return the readings of a sensor, by index, that a gate at a NIS rejects."""
-    indices: list[int] = []
-    first = _initial_belief(evidence, inf)
-    with suppress(np.linalg.LinAlgError):  # what is known until the filter fails
-        for _ in _run_filter(evidence, first, inf, (name, limit, indices)):
-            pass
-    return np.array(indices, dtype=int)
+    given = _ordered(evidence)
+    first = _initial_belief(given, inf)
+    events, _, last = _run_filter(given, first, (name, limit), strict=False)
+    fused = [event.index for event in events if event.sensor == name]
+    indices = given.indices[given.names.index(name)]
+    judged = indices[evidence.sensors[name].stamp[indices] <= last]
+    return np.array(judged[~np.isin(judged, fused)], dtype=int)
 
 
 def usable(record: SensorRecord) -> Any:

@@ -106,7 +106,7 @@ class _CandidateFilters:
             self._P, self._d = sandwich(event.F, self._P, Q), times(event.F, self._d)
         self._started = True
         scale = self._scale(event)
-        R = (event.S - H @ event.P @ H.T) * scale[:, :, None] * scale[:, None, :]
+        R = event.R * scale[:, :, None] * scale[:, None, :]
         K, S = gain(self._P, H, R)
         nu = event.innovation - times(H, self._d)
         self.misfit += weighed(S, nu) + np.linalg.slogdet(2.0 * np.pi * S)[1]

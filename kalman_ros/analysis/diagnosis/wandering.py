@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kalman_ros.core import Array
+from kalman_ros.linear import single
 from kalman_ros.linear.matrices import symmetric
 
 from .passage import Passage, whitener
@@ -200,32 +201,29 @@ class _Error:
     def _filter(self, keep: bool = False) -> list[tuple[float, _Step | None]]:
         """Return the misfit of each event, and the steps that `path` takes back where kept."""
         events, n, c = self._passage.events, self._n, len(self._coordinates)
-        whole, offsets = np.eye(n + c), n + np.arange(c)
-        m, P = np.zeros(n + c), np.zeros((n + c, n + c))
+        offsets = n + np.arange(c)
+        m, P, F, Q = np.zeros(n + c), *np.zeros((3, n + c, n + c))
         _, P[n:, n:] = self._step(np.inf if self._decay else _BEFORE)
         P[:n, :n] = events[0].P
         found: list[tuple[float, _Step | None]] = []
         for event, after in zip(events, [*events[1:], events[-1]]):
-            H = np.zeros((len(event.innovation), n + c))
+            H, R = np.zeros((len(event.innovation), n + c)), event.R
             H[:, :n] = event.H
-            S = event.S - event.H @ event.P @ event.H.T  # R, so far
             if event.sensor == self._sensor:
                 H[self._coordinates, offsets] = 1.0
-                S = self._white * S
-            PH = P @ H.T
-            white, log_size = whitener(symmetric(H @ PH + S))
-            e = white @ (event.innovation - H @ m)
-            gain = PH @ white.T
-            m, P = m + gain @ e, P - gain @ gain.T
-            F, Q = whole.copy(), np.zeros((n + c, n + c))
+                R = self._white * R
+            PH = P.dot(H.T)
+            white, log_size = whitener(H.dot(PH) + R)
+            e = white.dot(event.innovation - H.dot(m))
+            gain = PH.dot(white.T)
+            m, P = m + gain.dot(e), P - gain.dot(gain.T)
             F[:n, :n], Q[:n, :n] = after.F, after.Q
-            share, Q[n:, n:] = self._step(after.dt)
-            F[offsets, offsets] = share
+            F[offsets, offsets], Q[n:, n:] = self._step(after.dt)
             moved = m.copy()
-            moved[:n] -= event.K @ event.innovation
-            ahead, P_ahead = F @ moved, symmetric(F @ P @ F.T + Q)
-            step = _Step(m, P, F, Q, ahead, P_ahead) if keep else None
-            found.append((float(e @ e) + log_size, step))
+            moved[:n] -= event.K.dot(event.innovation)
+            ahead, P_ahead = F.dot(moved), symmetric(F.dot(P).dot(F.T) + Q)
+            step = _Step(m, P, F.copy(), Q.copy(), ahead, P_ahead) if keep else None
+            found.append((float(e.dot(e)) + log_size, step))
             m, P = ahead, P_ahead
         return found
 
@@ -249,15 +247,20 @@ class _Error:
 
 def _solved(P: Array, right: Array) -> Array:
     """Return P^-1 times ``right``; a state may be known exactly."""
-    scale = np.sqrt(np.maximum(P.diagonal(), 1e-300))
-    scaled = P / np.outer(scale, scale)
-    scaled[np.diag_indices_from(scaled)] += _NUGGET
-    return np.asarray(np.linalg.solve(scaled, right / scale[:, None]) / scale[:, None])
+    scale, scaled = _scaled(P)
+    divided: Array = single.divided(right / scale[:, None], scaled)
+    return np.asarray(divided.T / scale[:, None])
 
 
 def _draw(rng: np.random.Generator, mean: Array, covariance: Array) -> Array:
+    scale, scaled = _scaled(covariance)
+    root = single.repaired_factor(scaled)
+    return np.asarray(mean + scale * root.dot(rng.standard_normal(len(mean))))
+
+
+def _scaled(covariance: Array) -> tuple[Array, Array]:
+    """Return deviations (n,), and correlations (n, n) that have an inverse."""
     scale = np.sqrt(np.maximum(covariance.diagonal(), 1e-300))
-    scaled = symmetric(covariance) / np.outer(scale, scale)
-    scaled[np.diag_indices_from(scaled)] += _NUGGET
-    root = scale[:, None] * np.linalg.cholesky(scaled)
-    return np.asarray(mean + root @ rng.standard_normal(len(mean)))
+    correlation = symmetric(covariance) / (scale[:, None] * scale)
+    correlation.flat[:: len(scale) + 1] += _NUGGET
+    return scale, correlation

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A whole pass of an extended Kalman filter over ordered data, in C."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from kalman_ros.core import Array, Sensor
+from kalman_ros.core.ordered_data import OrderedData, ReadingMatrices, StepMatrices
+
+_POINTER, _LONG, _DOUBLE = ctypes.c_void_p, ctypes.c_long, ctypes.c_double
+_TURN = 2.0 * np.pi
+
+
+class _Sensor(ctypes.Structure):
+    """``struct sensor`` of ``pass.c``."""
+
+    _fields_ = (
+        ('sensed', _POINTER), ('p', _POINTER), ('subtract', _POINTER), ('turns', _POINTER),
+        ('limit', _DOUBLE), ('k', _LONG), ('y', _POINTER), ('R', _POINTER),
+        *((name, _POINTER) for name in ReadingMatrices._fields),
+    )  # fmt: skip
+
+
+class _Sequence(ctypes.Structure):
+    """``struct sequence`` of ``pass.c``."""
+
+    _fields_ = (
+        ('length', _LONG), ('dt', _POINTER), ('parts', _POINTER), ('input', _POINTER),
+        ('inputs', _POINTER), ('sensor', _POINTER), ('sensors', _POINTER), ('p', _POINTER),
+        ('max_step', _DOUBLE), ('arrive', _POINTER), ('x', _POINTER), ('P', _POINTER),
+        ('F', _POINTER), ('Q', _POINTER), ('predicted', _POINTER), ('covariance', _POINTER),
+        ('fused', _POINTER),
+    )  # fmt: skip
+
+
+def declare(library: Any) -> None:
+    """Declare the pass of the library of a model."""
+    getattr(library, 'pass').argtypes = [ctypes.POINTER(_Sequence)]
+    getattr(library, 'pass').restype = ctypes.c_long
+
+
+def run(
+    model: Any,
+    x: Array,
+    P: Array,
+    data: OrderedData,
+    parts: Any,
+    sensors: Sequence[Sensor],
+    limits: Sequence[float],
+    most_read: int,
+) -> StepMatrices | None:
+    """Return the matrices of a pass; None if it is not possible in C, or fails.
+
+    Parameters
+    ----------
+    model
+        A compiled model.
+    x, P
+        The belief (n,), (n, n) at the first instant.
+    data
+        Inputs and readings.
+    parts
+        Parts into which each step is divided (S,).
+    sensors, limits
+        The sensors, and their largest normalised square of an innovation.
+    most_read
+        Most numbers of a reading.
+    """
+    n, length = x.size, len(data.time)
+    kept: list[Any] = []
+
+    def at(values: Any, kind: Any = np.float64) -> int:
+        kept.append(np.ascontiguousarray(values, dtype=kind))
+        return int(kept[-1].ctypes.data)
+
+    structures, outputs = (_Sensor * len(sensors))(), []
+    for structure, sensor, y, R, limit in zip(
+        structures, sensors, data.readings, data.covariances, limits
+    ):
+        count, k = y.shape
+        found = ReadingMatrices(
+            *map(np.empty, ((count, k, n), (count, n, k), (count, k, k))),
+            *map(np.empty, ((count, k), (count, k, k), count, (count, k))),
+        )
+        functions = _functions(sensor, n)
+        if k > most_read or functions is None:
+            return None
+        structure.sensed, structure.subtract, numbers = functions
+        structure.p = numbers if isinstance(numbers, int) else at(numbers)
+        turns = [_TURN if name in sensor.output.angles else 0.0 for name in sensor.output.names]
+        structure.turns, structure.limit, structure.k = at(turns), limit, k
+        structure.y, structure.R = at(y), at(R)
+        for name, values in found._asdict().items():
+            setattr(structure, name, values.ctypes.data)
+        outputs.append(found)
+    readings = int(np.count_nonzero(data.sensor >= 0))
+    # one more, for a step to a reading that is not fused
+    F, Q, covariance = np.empty((3, readings + 1, n, n))
+    predicted, fused = np.empty((readings + 1, n)), np.zeros(length, dtype=bool)
+    sequence = _Sequence(
+        length, at(data.dt), at(parts, ctypes.c_long), at(data.input, ctypes.c_long),
+        at(data.inputs), at(data.sensor, ctypes.c_long), ctypes.addressof(structures),
+        model._c_p, model.max_step, _address(getattr(model.state, '_c_arrive', None)),
+        at(x.copy()), at(P.copy()), *(each.ctypes.data for each in (F, Q, predicted, covariance)),
+        fused.ctypes.data,
+    )  # fmt: skip
+    if getattr(model._c_library, 'pass')(ctypes.byref(sequence)) < length:
+        return None
+    counts = [int(np.count_nonzero(fused & (data.sensor == s))) for s in range(len(sensors))]
+    whole = int(np.count_nonzero(fused))
+    return StepMatrices(
+        F[:whole], Q[:whole], predicted[:whole], covariance[:whole], fused,
+        [
+            ReadingMatrices(*(each[:count] for each in found))
+            for found, count in zip(outputs, counts)
+        ],
+    )  # fmt: skip
+
+
+def _address(function: Any) -> int:
+    return ctypes.cast(function, _POINTER).value or 0 if function else 0
+
+
+def _functions(sensor: Any, n: int) -> tuple[int, int, Any] | None:
+    """Return the addresses of a sensor's reading and difference in C, and its numbers.
+
+    A matrix needs none: its numbers are H and what is read at the origin. None if a sensor is
+    neither.
+    """
+    library = getattr(sensor, '_c_library', None)
+    if library is not None and sensor._c_sets == 1:
+        subtract = getattr(sensor.output, '_c_subtract', None)
+        return _address(library.sensed), _address(subtract), sensor._c_p
+    if sensor.linear and not sensor.output.rotations:
+        rest = np.zeros(n)
+        return 0, 0, np.concatenate((sensor.jacobian(rest).ravel(), sensor.measure(rest)))
+    return None

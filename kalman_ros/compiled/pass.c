@@ -1,0 +1,184 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * An extended Kalman filter that processes readings in the order of their times, with the matrices
+ * of each step. What stands before this text is members.c, and what that needs.
+ */
+
+typedef void sense(const double *x, const double *p, double *y, double *H);
+typedef void move(double *v);
+
+/* y and R of one reading stand behind those of another, and so do the results */
+struct sensor {
+    sense *sensed;       /* 0 for y = H x + c, the numbers of which are H and c */
+    const double *p;
+    move *subtract;      /* 0 without rotations */
+    const double *turns; /* of each coordinate, a whole turn; 0 if it is no angle */
+    double limit;        /* the largest normalised square of an innovation that is fused */
+    long k;
+    const double *y, *R;
+    double *H, *K, *S, *innovation, *white, *log, *whitened;
+};
+
+struct sequence {
+    long length;
+    const double *dt;     /* of the step to each instant */
+    const long *parts;    /* into which it is divided */
+    const long *input;    /* that acts in it, one of inputs */
+    const double *inputs;
+    const long *sensor;   /* that is read then; -1 for none */
+    struct sensor *sensors;
+    const double *p;
+    double max_step;
+    move *arrive;         /* 0 without rotations */
+    double *x, *P;        /* the belief */
+    double *F, *Q, *predicted, *covariance; /* of each reading that is fused */
+    char *fused;
+};
+
+static int is_finite(const double *x, long count)
+{
+    for (long i = 0; i < count; i++)
+        if (!isfinite(x[i]))
+            return 0;
+    return 1;
+}
+
+/* The step to an instant, behind the step F, Q from the reading before unless it is the first; 0
+ * where it fails. */
+INLINE int predicted(const struct sequence *s, long at, int first, double *F, double *Q)
+{
+    const double *u = s->inputs + s->input[at] * M;
+    double moved[N], F_k[N * N], Q_k[N * N], half[N * N], h = s->dt[at] / (double)s->parts[at];
+    for (long part = 0; part < s->parts[at]; part++) {
+        if (linearize(s->x, u, h, s->max_step, s->p, moved, F_k, Q_k))
+            return 0;
+        memcpy(s->x, moved, sizeof moved);
+        sandwiched(F_k, s->P, Q_k, half);
+        memcpy(s->P, half, sizeof half);
+        if (first && part == 0) {
+            memcpy(F, F_k, sizeof F_k);
+            memcpy(Q, Q_k, sizeof Q_k);
+            continue;
+        }
+        sandwiched(F_k, Q, Q_k, half);
+        memcpy(Q, half, sizeof half);
+        dense_product(F_k, F, half);
+        memcpy(F, half, sizeof half);
+    }
+    return 1;
+}
+
+INLINE void difference(const struct sensor *of, const double *y, const double *expected, double *e)
+{
+    double v[3 * MOST_READ];
+    const long k = of->k;
+    for (long i = 0; i < k; i++) {
+        v[i] = y[i], v[k + i] = expected[i];
+        v[2 * k + i] = y[i] - expected[i];
+    }
+    if (of->subtract)
+        of->subtract(v);
+    for (long i = 0; i < k; i++) {
+        const double turn = of->turns[i];
+        double d = v[2 * k + i];
+        if (turn > 0 && !of->subtract) {
+            d = fmod(d + turn / 2, turn);
+            d = (d < 0 ? d + turn : d) - turn / 2;
+        }
+        e[i] = d;
+    }
+}
+
+/* The correction by the next reading of a sensor: 1 if it is fused, 0 if not, -1 where it fails. */
+INLINE int fused(const struct sequence *s, struct sensor *of)
+{
+    const long k = of->k, behind = N + N * N + k * N + k * k + k;
+    double v[2 * (N + N * N + MOST_READ * N + MOST_READ * MOST_READ) + MOST_READ];
+    double *P = v + N, *H = P + N * N, *R = H + k * N, *e = R + k * k, expected[MOST_READ];
+    double *mean = v + behind, *after = mean + N, *K = after + N * N, *S = K + N * k;
+    double L[MOST_READ * MOST_READ], turned[3 * N + 2 * N * N], square = 0, log_size = 0;
+    memcpy(v, s->x, N * sizeof *v);
+    memcpy(P, s->P, N * N * sizeof *P);
+    memcpy(R, of->R, k * k * sizeof *R);
+    if (of->sensed)
+        of->sensed(s->x, of->p, expected, H);
+    else {
+        memcpy(H, of->p, k * N * sizeof *H);
+        for (long r = 0; r < k; r++) {
+            expected[r] = of->p[k * N + r];
+            for (int j = 0; j < N; j++)
+                expected[r] += H[r * N + j] * s->x[j];
+        }
+    }
+    difference(of, of->y, expected, e);
+    of->y += k, of->R += k * k;
+    corrections(v, 1, k);
+    memcpy(L, S, k * k * sizeof *L);
+    if (!factored(L, k) || !is_finite(mean, N + N * N))
+        return -1;
+    for (long c = 0; c < k; c++) {
+        of->whitened[c] = e[c];
+        for (long l = 0; l < c; l++)
+            of->whitened[c] -= L[c * k + l] * of->whitened[l];
+        of->whitened[c] /= L[c * k + c];
+        square += of->whitened[c] * of->whitened[c];
+        log_size += 2 * log(L[c * k + c]);
+        for (long r = 0; r < k; r++) { /* column c of the inverse */
+            double sum = r == c;
+            for (long l = c; l < r; l++)
+                sum -= L[r * k + l] * of->white[l * k + c];
+            of->white[r * k + c] = r < c ? 0 : sum / L[r * k + r];
+        }
+    }
+    if (square > of->limit)
+        return 0;
+    memcpy(of->H, H, k * N * sizeof *H), of->H += k * N;
+    memcpy(of->K, K, k * N * sizeof *K), of->K += k * N;
+    memcpy(of->S, S, k * k * sizeof *S), of->S += k * k;
+    memcpy(of->innovation, e, k * sizeof *e), of->innovation += k;
+    of->white += k * k, of->whitened += k;
+    *of->log++ = log_size + (double)k * log(2 * acos(-1.0));
+    if (s->arrive) {
+        memcpy(turned, mean, N * sizeof *mean);
+        memcpy(turned + N, s->x, N * sizeof *mean);
+        memcpy(turned + 2 * N, after, N * N * sizeof *after);
+        s->arrive(turned);
+        memcpy(s->x, turned + 2 * N + N * N, N * sizeof *mean);
+        memcpy(s->P, turned + 3 * N + N * N, N * N * sizeof *after);
+    } else {
+        wrap(mean, s->x);
+        memcpy(s->P, after, N * N * sizeof *after);
+    }
+    return 1;
+}
+
+/* Returns the number of instants that were processed. */
+FAST long pass(const struct sequence *s)
+{
+    double *F = s->F, *Q = s->Q, *x = s->predicted, *P = s->covariance;
+    for (long at = 0, steps = 0; at < s->length; at++) {
+        if (s->dt[at] > 0 && !predicted(s, at, !steps++, F, Q))
+            return at;
+        if (s->sensor[at] < 0)
+            continue;
+        if (!is_finite(s->x, N))
+            return at;
+        if (!steps++) {
+            memset(F, 0, N * N * sizeof *F);
+            memset(Q, 0, N * N * sizeof *Q);
+            for (int i = 0; i < N; i++)
+                F[i * N + i] = 1;
+        }
+        memcpy(x, s->x, N * sizeof *x);
+        memcpy(P, s->P, N * N * sizeof *P);
+        const int outcome = fused(s, s->sensors + s->sensor[at]);
+        if (outcome < 0)
+            return at;
+        if (outcome) {
+            s->fused[at] = 1;
+            steps = 0;
+            F += N * N, Q += N * N, x += N, P += N * N;
+        }
+    }
+    return s->length;
+}

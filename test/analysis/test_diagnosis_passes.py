@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A pass of a filter in C is the one that takes a step after the other."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from thorough import thorough
+from tools.doctor_score.recordings import recorded
+
+from kalman_ros.analysis.diagnosis.passage import Event, passage, rejected
+from kalman_ros.compiled.parts import VARIABLE
+from kalman_ros.core import Dynamics
+
+pytestmark = pytest.mark.slow  # the compiler is another process
+
+
+@pytest.fixture(autouse=True)
+def with_casadi(monkeypatch, tmp_path_factory):
+    pytest.importorskip('casadi', reason='the extra kalman_ros[compiled] is not installed')
+    monkeypatch.delenv(VARIABLE, raising=False)
+    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path_factory.getbasetemp()))
+
+
+@pytest.fixture
+def both(monkeypatch):
+    """Return a function that calls another with passes in C, and with passes by steps."""
+    from kalman_ros.compiled.native import NativeModel
+
+    def call(function):
+        outcomes, original = [], NativeModel.filter_pass
+
+        def watched(*arguments):
+            outcomes.append(original(*arguments))
+            return outcomes[-1]
+
+        monkeypatch.setattr(NativeModel, 'filter_pass', watched)
+        in_c = function()
+        monkeypatch.setattr(NativeModel, 'filter_pass', Dynamics.filter_pass)
+        return in_c, function(), outcomes
+
+    return call
+
+
+def commanded(evidence):
+    """Return the evidence with inputs that act between the readings, and at some."""
+    m = evidence.scenario.model.input.size
+    if not m or len(evidence.inputs.stamp):
+        return evidence
+    stamp = np.arange(0.0, 3.0, 0.15)
+    value = np.sin(np.outer(1.0 + stamp, np.arange(1.0, m + 1.0)))
+    return replace(
+        evidence, inputs=replace(evidence.inputs, received=stamp, stamp=stamp, value=value)
+    )
+
+
+@pytest.mark.parametrize(
+    'name',
+    ['cart_pole', 'robot_3d', 'diff_drive', thorough('inertial'), thorough('lidar_radar'),
+     thorough('turn_rate'), thorough('gnss_imu'), thorough('submersible')],
+)  # fmt: skip
+def test_the_matrices_of_each_step_are_the_same(name, both):
+    evidence = commanded(recorded(name, seconds=3.0, seed=2))
+    (in_c, steps, outcomes) = both(lambda: passage(evidence))
+    assert [each is not None for each in outcomes] == [True]
+    assert len(in_c.events) == len(steps.events) > 20
+    for field in (each.name for each in fields(Event)):
+        for one, other in zip(in_c.events, steps.events):
+            found, expected = getattr(one, field), getattr(other, field)
+            if isinstance(expected, str):
+                assert found == expected
+            else:
+                size = max(1.0, float(np.abs(expected).max(initial=0.0)))
+                np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-7 * size)
+    assert in_c.misfit == pytest.approx(steps.misfit, rel=1e-8)
+
+
+def test_a_gate_rejects_the_same_readings(both):
+    evidence = recorded('robot_3d', seconds=3.0, seed=2)
+    value = evidence.sensors['odometry'].value.copy()
+    value[20:60:7] += 5.0
+    value[-1] += 5.0
+    spoilt = evidence.with_values('odometry', value)
+    in_c, steps, outcomes = both(lambda: rejected(spoilt, 'odometry', 60.0))
+    assert outcomes[0] is not None
+    assert in_c.tolist() == steps.tolist() == [*range(20, 60, 7), len(value) - 1]
+
+
+def test_a_filter_that_fails_ends_where_it_does_by_steps(both):
+    evidence = recorded('cart_pole', seconds=3.0, seed=2)
+    name = next(iter(evidence.sensors))
+    value = evidence.sensors[name].value.copy()
+    value[100] = 1e200
+    spoilt = evidence.with_values(name, value)
+    with np.errstate(all='ignore'):
+        in_c, steps, outcomes = both(lambda: passage(spoilt, strict=False))
+    assert outcomes == [None]
+    assert len(in_c.events) == len(steps.events) > 100
+
+
+def test_readings_that_are_too_long_for_c_are_processed_by_steps(both, monkeypatch):
+    from kalman_ros.compiled import native
+
+    monkeypatch.setattr(native, 'MOST_READ', 2)
+    evidence = recorded('robot_3d', seconds=1.0, seed=2)
+    in_c, steps, outcomes = both(lambda: passage(evidence))
+    assert outcomes == [None]
+    assert in_c.misfit == steps.misfit
