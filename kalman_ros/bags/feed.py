@@ -121,7 +121,7 @@ class Feed:
     def _wire(self, bag: Bag) -> None:
         """Connect the topics of the recording that are needed."""
         scenario, resolve = self.settings.scenario, self._resolve
-        steps = LockstepFuser(self.fuser, self, lambda _: None, resolve)
+        self._steps = steps = LockstepFuser(self.fuser, self, lambda _: None, resolve)
         for name, source in scenario.enabled.items():
             topic = resolve(source.signal.topic)
             bag.check(topic, full_type(source.signal.type), f'sensor {name}')
@@ -138,9 +138,8 @@ class Feed:
             if topic in bag.topics or self.lockstep:
                 bag.check(topic, full_type(scenario.input.type), 'input')
                 readers = self._readers.setdefault(topic, [])  # a sensor may be on it, too
-                readers.append(self._on_input)
+                readers.append(steps.on_input if self.lockstep else self._on_input)
                 self._take[topic] = partial(_call_all, readers)
-                self._on_lockstep_input = steps.on_input
             else:
                 alike = nearest(topic, bag.topics)
                 hint = f' ({alike})' if alike else ''
@@ -209,13 +208,9 @@ class Feed:
             return
         now = self._now
         stamp = sample.time or now
-        if self.lockstep:
-            self._on_lockstep_input(data)
-        else:
-            self.fuser.fuse([Received(stamp, self.fuser.input, sample)], now or None)
+        self.fuser.fuse([Received(stamp, self.fuser.input, sample)], now or None)
         start = stamp if self.start is None else self.start
-        received = stamp if self.lockstep else now
-        self.inputs.add(seconds(received, start), seconds(stamp, start), sample.values)
+        self.inputs.add(seconds(now, start), seconds(stamp, start), sample.values)
 
     def _on_clock(self, data: bytes) -> None:
         clock = nanoseconds(decoded(data, message_type('rosgraph_msgs/Clock')).clock)
@@ -263,9 +258,12 @@ class Feed:
 
     def publish_innovations(self, fused: Sequence[Fused]) -> None:
         """Record readings that were fused together, with their corrections."""
+        start = self._now if self.start is None else self.start
         if self.lockstep:
             self.fuser.judge(fused)
-        start = self._now if self.start is None else self.start
+            if self._steps.last_input is not None:
+                stamp, u = self._steps.last_input
+                self.inputs.add(seconds(stamp, start), seconds(stamp, start), u)
         add_all(fused, self.sensors, self._now, start)
         if self.recording is not None:
             for reading in fused:

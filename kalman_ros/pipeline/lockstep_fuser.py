@@ -8,7 +8,7 @@ from typing import Protocol
 
 from kalman_ros.codecs.layout import Sample
 from kalman_ros.codecs.tick import read_tick
-from kalman_ros.core import Gaussian
+from kalman_ros.core import Array, Gaussian
 
 from .fuser import Fused, Fuser, Received
 from .step_assembler import StepAssembler
@@ -50,6 +50,8 @@ class LockstepFuser:
         scenario = fuser.scenario
         topics = {source.signal.topic: name for name, source in scenario.sensors.items()}
         self._steps = StepAssembler(topics, answered=bool(scenario.input.fields), resolve=resolve)
+        #: The input (m,) that led to the last step, and the time of the step before it.
+        self.last_input: tuple[int, Array] | None = None
 
     def on_reading(self, name: str, data: bytes) -> None:
         """Take a message of the sensor ``name``; UndecodableError if it is not one.
@@ -92,6 +94,7 @@ class LockstepFuser:
             if step.input is not None:
                 time, u = step.input
                 received.append(Received(time, fuser.input, Sample(time, u, None)))
+            self.last_input = step.input
             fused = fuser.fuse(received)
             self._output.publish(step.time, fuser.predicted(step.time))
             self._output.publish_innovations(fused)

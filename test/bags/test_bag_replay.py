@@ -23,6 +23,7 @@ from kalman_ros.bags.reading import Bag
 from kalman_ros.bags.recording_writer import RecordingWriter
 from kalman_ros.bags.replay import estimator_settings, replay, replay_bag
 from kalman_ros.codecs.signal_codec import SignalCodec
+from kalman_ros.codecs.tick import write_tick
 from kalman_ros.programs.replay import program, statistics, tables
 
 GYRO = ['angular_velocity.x', 'angular_velocity.y']
@@ -89,6 +90,28 @@ def test_it_is_the_online_estimator_fed_in_the_order_of_reception(tmp_path):
     np.testing.assert_array_equal(found.inputs.value, [[0.5]])
     assert np.isnan(y.innovation[y.outcome == 'FUTURE']).all()
     assert np.isfinite(y.innovation[y.outcome == 'FUSED']).all()
+
+
+def test_inputs_in_lockstep_act_from_the_time_of_the_step_that_they_answer(tmp_path):
+    """The time of simulation, and not that of reception, is that of an input without a stamp."""
+    scenario = estimator_settings(VALUES).scenario
+    with RecordingWriter(tmp_path / 'a') as writer:
+        writer.add('/y', 'sensor_msgs/msg/JointState')
+        writer.add('/input', 'std_msgs/msg/Float64MultiArray')
+        writer.add('/tick', 'sensor_msgs/msg/TimeReference')
+        for step in range(5):
+            received, time = START + 10**6 * step, step * 10**7
+            y = wire(scenario.sensors['y'].signal, time, np.array([0.1 * step, 0.0]))
+            writer.write('/y', received, y)
+            writer.write('/tick', received + 1, write_tick(time, ('y',)))
+            writer.write(
+                '/input', received + 2, wire(scenario.input, time, np.array([2.0 * step]))
+            )
+    found = replay(tmp_path / 'a', VALUES)
+    assert found.lockstep
+    # the last one answers a step without a successor
+    np.testing.assert_allclose(found.inputs.stamp, [0.0, 0.01, 0.02, 0.03], atol=1e-12)
+    np.testing.assert_allclose(found.inputs.value[:, 0], [0.0, 2.0, 4.0, 6.0])
 
 
 def test_a_topic_of_ticks_without_a_tick_is_not_lockstep(tmp_path):
