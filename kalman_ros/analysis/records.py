@@ -10,6 +10,9 @@ import numpy as np
 
 from kalman_ros.core import Array
 
+#: A time between readings this many times the usual one contains a loss.
+_LONGER = 1.75
+
 
 @dataclass(frozen=True)
 class SensorRecord:
@@ -54,6 +57,15 @@ class SensorRecord:
     def select(self, keep: Any) -> SensorRecord:
         """Return the readings that ``keep`` selects, a mask (N,) or indices."""
         return SensorRecord(*(getattr(self, field.name)[keep] for field in fields(SensorRecord)))
+
+
+def period(gaps: Array) -> float:
+    """Return the time from reading to reading, from times between those received (N,).
+
+    A source that runs in steps reads at each second or third of them, so that single times tell
+    less than their mean. Longer ones contain losses.
+    """
+    return float(np.mean(gaps[gaps < _LONGER * np.median(gaps)]))
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,8 @@ from . import checks as verdicts
 from .checks import MISS, Check
 from .nees_spread import average_nees
 
+#: The theory of a loop is that of an input at each step; a smaller share of them is too few.
+_LEAST_COVERED = 0.9
 #: The smallest numbers of steps, and of readings of each sensor, to evaluate consistency.
 _LEAST_STEPS, _LEAST_READINGS = 100, 20
 
@@ -67,7 +69,8 @@ def judge(scenario: Scenario, run: Trajectory) -> Judgement:
     ValueError
         If the run is too short.
     """
-    if _has_theory(scenario):
+    sparse = _has_theory(scenario) and _coverage(scenario, run) < _LEAST_COVERED
+    if _has_theory(scenario) and not sparse:
         theory = verdicts.theory(scenario)
         results = verdicts.checks(scenario, theory, run)
         basis = "The theory of J is the LQG optimum tr(X Q) + tr(K'(Q_u + G'X G) K P)."
@@ -76,12 +79,22 @@ def judge(scenario: Scenario, run: Trajectory) -> Judgement:
         claim = 'The loop is stable and its statistics hold.'
         return Judgement(results, theory.settling_time, basis, claim)
     reason = 'The cost of this loop is not known' if scenario.law else 'There is no input'
+    if sparse:
+        reason = 'In real time an estimate follows a reading, and not each step, as in theory'
     basis = f'{reason}; the filter is judged by its consistency.'
     claim = 'The filter is consistent.'
     least = least_duration(scenario)
     if not len(run.time) or run.time[-1] - run.time[0] + 0.5 / scenario.rate < least:
         raise ValueError(f'run: expected {least:.4g} s or more to judge it')
     return Judgement(consistency(scenario, run), 0.0, basis, claim)
+
+
+def _coverage(scenario: Scenario, run: Trajectory) -> float:
+    """Return the share of the steps of a run that have an estimate."""
+    if not len(run.time):
+        return 1.0
+    duration = float(run.time[-1] - run.time[0])
+    return len(run.time) / (1.0 + round(duration * scenario.rate))
 
 
 def consistency(scenario: Scenario, run: Trajectory) -> list[Check]:

@@ -213,6 +213,17 @@ def test_a_rate_that_no_one_declared_is_a_note():
         assert ('rate' in [note.kind for note in diagnosis.notes]) != declared
 
 
+def test_a_type_without_a_stamp_is_a_note_and_zero_stamps_a_finding():
+    evidence = recorded(SCENARIO, None, 6.0, 1)
+    record = evidence.sensors['position']
+    bare = replace(record, stamp=record.received, stamped=np.zeros(len(record), dtype=bool))
+    evidence = evidence.with_sensor('position', bare)
+    for headerless in (frozenset(), frozenset({'position'})):
+        found = stamps.find(Examination(replace(evidence, headerless=headerless), strict=False))
+        zero = [finding for finding in found if finding.kind == 'stamps zero']
+        assert [finding.note for finding in zero] == [bool(headerless)]
+
+
 def test_stamps_that_are_rounded_while_the_receipt_is_regular():
     evidence = recorded(SCENARIO, None, 6.0, 1)
     record = evidence.sensors['position']

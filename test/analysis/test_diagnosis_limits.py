@@ -334,6 +334,14 @@ def test_a_rate_differs_from_the_declared_one_by_a_tenth(times, found):
         assert not finding.note
 
 
+def test_the_rate_of_a_source_that_runs_in_steps_is_that_of_their_mean():
+    """A sensor of 20 Hz on a plant of 50 Hz is read each second or third step."""
+    stamp = 0.02 * np.ceil(2.5 * np.arange(60))
+    assert [
+        each.kind for each in rate.find(case(record(stamp))) if each.subject == 'position'
+    ] == []
+
+
 @pytest.mark.parametrize(('count', 'found'), [(100, True), (101, False)])
 def test_one_reading_in_a_hundred_may_be_lost(count, found):
     stamp = 0.05 * np.delete(np.arange(count), 50)

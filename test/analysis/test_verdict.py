@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Loops that are not linear are judged too, and a wrong filter is found out."""
 
+from dataclasses import replace
+
 import pytest
 from scipy.stats import chi2, norm
 
@@ -52,6 +54,21 @@ def test_a_linear_loop_is_judged_by_theory():
     judgement = judge(built, run)
     assert judgement.settling_time > 1.0
     assert 'cost J' in {check.name for check in judgement.checks}
+
+
+def test_a_loop_with_an_estimate_at_few_steps_is_judged_by_consistency():
+    """In real time an estimate follows a reading: at one step in five, of this scenario."""
+    built = scenario.build({'model': 'linear'})
+    run = closed_loop.run(built, regulator(built)[0].gain, 30.0, 0)
+    every = slice(None, None, built.plan.period)
+    sparse = replace(
+        run, time=run.time[every], truth=run.truth[every], input=run.input[every],
+        estimate=run.estimate[every], covariance=run.covariance[every],
+    )  # fmt: skip
+    judgement = judge(built, sparse)
+    assert 'follows a reading' in judgement.basis
+    assert all(check.passed for check in judgement.checks)
+    assert 'cost J' in {check.name for check in judge(built, run).checks}
 
 
 @pytest.mark.parametrize('name', ['level', 'diff_drive'])

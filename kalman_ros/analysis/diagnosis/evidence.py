@@ -42,6 +42,8 @@ class Evidence:
     rerun
         Function that replays the recording, or its first seconds, with changed parameters, by
         their names in the file.
+    headerless
+        Sensors whose messages have no place for a stamp.
     """
 
     parameters: Mapping[str, Any]
@@ -50,6 +52,7 @@ class Evidence:
     inputs: InputRecord
     beliefs: Beliefs
     rerun: Rerun
+    headerless: frozenset[str] = frozenset()
 
     def with_sensor(self, name: str, record: SensorRecord) -> Evidence:
         """Return the evidence with another record of one sensor."""

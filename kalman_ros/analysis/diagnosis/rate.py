@@ -8,7 +8,7 @@ from math import inf
 
 import numpy as np
 
-from kalman_ros.analysis.records import SensorRecord
+from kalman_ros.analysis.records import SensorRecord, period
 from kalman_ros.estimators.outcome import Outcome
 
 from .examination import Examination
@@ -61,7 +61,7 @@ def _find_losses(
     gaps = np.diff(stamps)
     if len(gaps) < 5:
         return
-    gap = float(np.median(gaps))
+    gap = period(gaps)
     if abs(gap * declared - 1.0) > _DIFFERENT:
         yield Finding(
             'rate', name,

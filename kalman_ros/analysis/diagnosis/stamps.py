@@ -77,11 +77,18 @@ def _find_zero(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[
         delays = latency(record)[~zero]
         typical_delay = float(np.median(delays)) if len(delays) else 1e-9
         stamp = np.where(zero, record.received - typical_delay, record.stamp)
+        type = evidence.scenario.sensors[name].signal.type
+        sentence = (
+            f'readings of {name} count from their receipt, since {type} has no stamp. Delays and '
+            'jitter on the way remain in them.'
+            if name in evidence.headerless
+            else f'{zero.sum()} of {len(record)} stamps of {name} are zero: its driver does not '
+            'stamp them, so they are taken for the time of receipt. Stamp them where they are '
+            'read.'
+        )
         yield Finding(
-            'stamps zero', name,
-            f'{zero.sum()} of {len(record)} stamps of {name} are zero: its driver does not stamp '
-            'them, so they are taken for the time of receipt. Stamp them where they are read.',
-            inf, figure=picture(name, record, 'stamps that are zero'),
+            'stamps zero', name, sentence, inf, note=name in evidence.headerless,
+            figure=picture(name, record, 'stamps that are zero'),
             mended=lambda: evidence.with_sensor(
                 name, replace(record, stamp=stamp, stamped=np.ones_like(zero))
             ),

@@ -14,6 +14,7 @@ from kalman_ros.analysis.diagnosis.evidence import Evidence, changed
 from kalman_ros.analysis.records import SensorRecord
 from kalman_ros.bags.reading import Bag
 from kalman_ros.bags.replay import estimator_settings, replay_bag
+from kalman_ros.codecs.messages import message_type
 from kalman_ros.programs.replay.statistics import checks
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import from_file
@@ -64,6 +65,11 @@ def replayed(
         return replayed(bag, changed(parameters, changes), (start, min(end, start + seconds)))
 
     sensors: dict[str, SensorRecord] = dict(result.sensors)
+    headerless = frozenset(
+        name
+        for name, source in result.scenario.sensors.items()
+        if 'header' not in message_type(source.signal.type).get_fields_and_field_types()
+    )
     return Evidence(
-        parameters, result.scenario, sensors, result.inputs, result.beliefs, again
-    )  # fmt: skip
+        parameters, result.scenario, sensors, result.inputs, result.beliefs, again, headerless
+    )

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from kalman_ros.analysis.records import period
 from kalman_ros.bags.reading import Bag
 from kalman_ros.bags.replay import estimator_settings
 from kalman_ros.codecs.messages import full_type
@@ -36,7 +37,7 @@ class TopicRecord:
     count
         Number of messages.
     rate
-        Rate in Hz, by the median interval; NaN below two messages.
+        Rate in Hz without losses; NaN below two messages.
     gap
         Longest interval in s; NaN below two messages.
     """
@@ -56,7 +57,7 @@ class Match:
     topic
         Name of the topic, relative to the root namespace.
     rate
-        Rate in Hz, by the median interval of the stamps.
+        Rate in Hz by the stamps, without losses.
     noise
         Standard deviations (k,), by the differences of successive readings; a coordinate
         whose readings do not scatter has the standard deviation of the scenario.
@@ -123,9 +124,9 @@ def describe(bag: Bag) -> dict[str, TopicRecord]:
         times[message.topic].append(message.time)
     records = {}
     for topic in sorted(times):
-        steps = np.diff(times[topic]) * 1e-9
-        median, longest = (np.median(steps), steps.max()) if steps.size else (np.nan, np.nan)
-        rate = 1.0 / median if median > 0.0 else np.nan
+        steps: Array = 1e-9 * np.diff(times[topic]).astype(float)
+        longest = steps.max() if steps.size else np.nan
+        rate = 1.0 / period(steps) if steps.size and np.median(steps) > 0.0 else np.nan
         kinds = ' and '.join(sorted(bag.topics[topic]))
         records[topic] = TopicRecord(kinds, len(times[topic]), float(rate), float(longest))
     return records
@@ -188,13 +189,13 @@ def _measure(bag: Bag, topic: str, source: SensorSource) -> Match | None:
             break
     if len(values) < _FEWEST or not np.ptp(values, axis=0).any():
         return None
-    interval = float(np.median(np.diff(times))) * 1e-9
-    if interval <= 0.0:
+    gaps: Array = 1e-9 * np.diff(times).astype(float)
+    if np.median(gaps) <= 0.0:
         return None
     noise = scatter(source.sensor.output, np.array(values))
     known = np.sqrt(source.sensor.covariance.diagonal())
     name = topic.removeprefix('/')
-    return Match(name, float(f'{1.0 / interval:.4g}'), np.where(noise > 0.0, noise, known))
+    return Match(name, float(f'{1.0 / period(gaps):.4g}'), np.where(noise > 0.0, noise, known))
 
 
 def scatter(space: Space, values: Array) -> Array:
