@@ -216,6 +216,16 @@ def test_a_fit_that_does_not_converge_keeps_what_it_reached(
     assert 'model_parameters.mass' in (tmp_path / 'fitted.yaml').read_text()
 
 
+@pytest.mark.parametrize(
+    ('density', 'positive'), [([0.2, 0.1], {'0', '1'}), ([0.2, -0.01, -0.01, 0.1], {'0', '3'})]
+)
+def test_the_variances_of_a_density_stay_positive(density, positive):
+    """The plants within the intervals of a fit are possible ones, then."""
+    named = NamedParameters({'model': 'linear', 'model_parameters.noise_density': density})
+    chosen = named.choose(['model_parameters.noise_density'])
+    assert {each.name.rpartition('.')[2] for each in chosen if each.positive} == positive
+
+
 def test_a_fitted_delay_becomes_an_offset_of_the_stamps():
     """Beside the offset that the file has already; a parameter of the file it is not."""
     named = NamedParameters({'model': 'constant_velocity', 'lidar.stamp_offset': -0.02})

@@ -241,7 +241,15 @@ class NamedParameters:
                 if isinf(number):  # of a limit, none
                     continue
                 scale = None if scales is None or isinf(scales[index]) else scales[index]
-                yield _Place(name, index, _free(full, number, low, about.maximum, unit, scale))
+                least = max(low, 0.0) if self._is_variance(name, index, len(value)) else low
+                yield _Place(name, index, _free(full, number, least, about.maximum, unit, scale))
+
+    def _is_variance(self, name: str, index: int, size: int) -> bool:
+        """Return whether an element of a list is one of the diagonal of a spectral density."""
+        n = self.scenario.model.state.size
+        if name != 'model_parameters.noise_density':
+            return False
+        return size == n or (size == n * n and index % (n + 1) == 0)
 
     def _coordinates(self, name: str, size: int) -> tuple[Sequence[str], Sequence[str]]:
         """Return the names and units of the elements of an option."""
