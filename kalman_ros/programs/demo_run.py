@@ -22,7 +22,7 @@ from kalman_ros.harness import Run
 from kalman_ros.harness.followed_path import publish_path
 from kalman_ros.simulation.trajectory import Trajectory
 
-from .results import ready
+from .results import RECORDED, ready
 from .tunings import Tuning, tunings
 
 #: The default duration in seconds.
@@ -77,7 +77,7 @@ def perform(options: argparse.Namespace, console: Console) -> list[Performed]:
 def _recording(options: argparse.Namespace, tuning: Tuning) -> Path | str | None:
     """Return the folder of the recording of a run; None if it is not recorded."""
     if not options.record:
-        return None if options.record is None else tuning.folder / 'recording'
+        return None if options.record is None else tuning.folder / RECORDED
     return Path(options.record, 'against') if tuning.folder.name == 'against' else options.record
 
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+#: The folder of a recording in that of a demo.
+RECORDED = 'recording'
+
 
 def ready(folder: Path) -> Path:
     """Create a folder if it is missing, before a long run starts.
@@ -19,3 +22,12 @@ def ready(folder: Path) -> Path:
     except OSError as error:
         raise ValueError(f'out: cannot make {folder}: {error.strerror}') from None
     return folder
+
+
+def of_recording(bag: Path, program: str) -> Path:
+    """Return the folder of the results of a program on a recording, ``out/NAME/program``.
+
+    The name is that of the recording, or of its folder where `demo` has recorded.
+    """
+    path = bag.resolve()
+    return Path('out') / (path.parent.name if path.name == RECORDED else path.stem) / program

@@ -183,7 +183,7 @@ def test_a_file_of_theirs_is_compared_with_their_filter(bag, tmp_path, capsys, m
     said = ' '.join(capsys.readouterr().out.split())
     assert '/odometry/filtered - truth' in said and '/odometry/filtered jumps by ' in said
     assert 'publish_rate' not in said.partition('/odometry/filtered - truth')[2]  # at readings
-    assert (tmp_path / 'out' / 'replay' / 'ekf_kalman_ros' / 'against.png').exists()
+    assert (tmp_path / 'out' / 'ekf_kalman_ros' / 'replay' / 'against.png').exists()
 
 
 @pytest.mark.parametrize(

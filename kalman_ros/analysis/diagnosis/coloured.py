@@ -22,7 +22,7 @@ _FEWEST, _LONGEST = 100, 20_000
 _SMALL, _LARGE, _CORRELATED = 0.8, 1.3, 0.15
 #: Significance of either, in standard deviations.
 _FAR = 6.0
-#: It must explain this many times as much as noise that is smaller than declared, and white.
+#: It must explain this many times as much as smaller noise that is white about a constant.
 _BETTER = 1.5
 #: Seed of the white noise in place of the correlated one.
 _SEED = 2
@@ -43,7 +43,7 @@ def find(case: Examination) -> Iterator[Finding]:
         R = np.median(case.evidence.sensors[name].covariance, axis=0)
         try:
             gain, time, path = wandering.coloured(case.passage, name, R)
-            least = _BETTER * wandering.whiter(case.passage, name, len(R))
+            least = _BETTER * wandering.whiter(case.passage, name, R)
         except np.linalg.LinAlgError:  # noise of next to no size
             continue
         if gain > max(CHANCE, least):

@@ -14,7 +14,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 
@@ -49,7 +51,7 @@ from . import (
     unrelated,
 )
 from .evidence import Evidence, improvement, misfit
-from .examination import Examination
+from .examination import CHANCE, Examination
 from .finding import Finding
 from .passage import explained
 from .trials import TIED, Trials, same
@@ -85,13 +87,16 @@ _NEAREST = 3
 #: A finding is tried if its predicted gain is at least this share of the best gain. The second
 #: share applies to reliable predictions: the filter is not lost, and the gain is above `_SURE`.
 _CLOSE, _CLOSER, _SURE = 0.4, 0.5, 1000.0
+#: The share for a cause of the same sensor as the best one, of which the size is fitted again.
+_BESIDE = 0.2
 #: A change is proven by a replay of the first seconds if it explains this share of the misfit. A
 #: smaller effect is hidden by the other faults, which the replay does not correct.
 PROOF, _PROVEN = 20.0, 0.01
 #: A share of the misfit below this is little.
 _LITTLE = 0.05
-#: A cause of a smaller certainty is a note.
-_DOUBTFUL = 0.01
+#: A cause of a smaller certainty is a note; a first one whose replay fits worse has no more than
+#: the second number.
+_DOUBTFUL, _REFUTED = 0.01, 0.3
 
 
 @dataclass(frozen=True)
@@ -147,7 +152,7 @@ def diagnose(
     ranked = _rank(findings)
     if proofs:
         progress(f'proofs{_so_far(findings)}')
-        ranked = tuple(_prove(evidence, finding) for finding in ranked)
+        ranked = _doubted(tuple(_prove(evidence, finding) for finding in ranked))
     sure, doubtful = divided(ranked)
     return Diagnosis(tuple(sure), (*notes, *doubtful), before, case.passage.misfit)
 
@@ -223,6 +228,7 @@ def _find_best(
         _try_before(before, trials)
     if best := trials.best:
         trials.add_nearer(best, trials.after)
+        _try_beside(best, others, trials)
         # a walk has the shape of any slow cause, whose size may still be wrong
         near = 0.0 if best.most < 1.0 else TIED * best.gain
         tried = trials.tried.values()
@@ -231,6 +237,21 @@ def _find_best(
             assert finding.mended is not None
             trials.add_nearer(finding, Examination(finding.mended()))
     return trials.result()
+
+
+def _try_beside(best: Finding, promised: Sequence[Finding], trials: Trials) -> None:
+    """Try other causes of the same sensor, of which a linearisation may promise too little."""
+    untried = (
+        finding
+        for finding in promised
+        if finding.subject == best.subject
+        and (finding.kind, finding.subject) not in trials.tried
+        and finding.gain > _BESIDE * best.gain
+    )
+    for finding in islice(untried, _NEAREST):
+        if finding.again and finding.mended:
+            with suppress(np.linalg.LinAlgError):
+                trials.add_nearer(finding, Examination(finding.mended()))
 
 
 def _promised(case: Examination, detectors: Sequence[Detector], dimension: float) -> list[Finding]:
@@ -295,6 +316,22 @@ def _prove(evidence: Evidence, finding: Finding) -> Finding:
     except ValueError:
         return replace(finding, change={})
     return replace(finding, proof=improvement(evidence, after))
+
+
+def _doubted(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
+    """Return findings of which the first is doubted if a replay with its change fits worse.
+
+    Those behind it may need the change of the first one to fit better.
+    """
+    if not findings or not findings[0].proof < -CHANCE:
+        return findings
+    first, *others = findings
+    sentence = (
+        f'{first.sentence} But a replay of the first {PROOF:g} s with its lines fits worse, so '
+        'that they are left out: it is another cause, or not the only one.'
+    )
+    certainty = min(first.certainty, _REFUTED)
+    return replace(first, sentence=sentence, change={}, certainty=certainty), *others
 
 
 def _rank(findings: Sequence[Finding]) -> tuple[Finding, ...]:

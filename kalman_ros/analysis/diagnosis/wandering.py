@@ -35,8 +35,9 @@ _BEFORE = 1.0
 _TIMES, _SHARE, _WHITE = np.array([5.0, 30.0, 180.0, 1080.0]), 0.2, 0.01
 #: Ratio of the first trial times to those between them.
 _BETWEEN = 2.4
-#: Trial shares of the covariance of noise that is smaller than declared.
-_SMALLER = (0.3, 0.1, 0.03, 0.01, 1e-3)
+#: Trial shares of the covariance of noise that is smaller than declared, and how far an unknown
+#: constant may be from zero, in declared standard deviations.
+_SMALLER, _ANYWHERE = (0.3, 0.1, 0.03, 0.01, 1e-3), 10.0
 #: Seed of the drawn path: the same recording has the same diagnosis.
 _SEED = 1
 #: Share of a variance that is added, so that what is known exactly has an inverse.
@@ -144,21 +145,28 @@ def coloured(passage: Passage, sensor: str, covariance: Array) -> tuple[float, f
         density = 2.0 / time * covariance
         return _Error(passage, sensor, coordinates, density, 1.0 / time, _WHITE)
 
-    trials = float(np.median(np.diff(stamps))) * _TIMES
-    tried = {time: noise(time) for time in trials.tolist() if time < _SHARE * np.ptp(stamps)}
+    trials, longest = float(np.median(np.diff(stamps))) * _TIMES, _SHARE * np.ptp(stamps)
+    tried = {time: noise(time) for time in trials.tolist() if time < longest}
     if not tried:
         return 0.0, 0.0, np.zeros((len(stamps), len(covariance)))
     middle = min(tried, key=lambda time: tried[time].misfit)
     between = (middle / _BETWEEN, middle * _BETWEEN)
-    tried |= {time: noise(time) for time in between if time > min(trials)}
+    tried |= {time: noise(time) for time in between if min(trials) < time < longest}
     time, best = min(tried.items(), key=lambda item: item[1].misfit)
     return passage.misfit - best.misfit, time, best.path()
 
 
-def whiter(passage: Passage, sensor: str, size: int) -> float:
-    """Return the reduction of the misfit by smaller noise of a sensor, which stays white."""
-    none = np.zeros((size, size))
-    tried = (_Error(passage, sensor, range(size), none, 1.0, share) for share in _SMALLER)
+def whiter(passage: Passage, sensor: str, covariance: Array) -> float:
+    """Return the reduction of the misfit by smaller noise of a sensor, white about a constant.
+
+    The constant is unknown: `_ANYWHERE` times as uncertain as a reading with the declared
+    ``covariance`` (k, k).
+    """
+    coordinates, none = range(len(covariance)), np.zeros(covariance.shape)
+    tried = (
+        _Error(passage, sensor, coordinates, none, 0.0, share, _ANYWHERE**2 * covariance)
+        for share in _SMALLER
+    )
     return passage.misfit - min(error.misfit for error in tried)
 
 
@@ -175,6 +183,9 @@ class _Error:
         Rate at which the error decays, in 1/s; 0 for a random walk.
     white
         Share of the covariance of the readings that is white noise beside the error.
+    start
+        Covariance of the error at the start; by default what the density adds in a second, or
+        that of its stationary distribution.
     """
 
     def __init__(
@@ -185,9 +196,12 @@ class _Error:
         density: Array,
         decay: float = 0.0,
         white: float = 1.0,
+        start: Array | None = None,
     ) -> None:
         self._passage, self._sensor, self._coordinates = passage, sensor, list(coordinates)
         self._density, self._decay, self._white = density, decay, white
+        _, first = self._step(np.inf if decay else _BEFORE)
+        self._start = first if start is None else start
         self._n = len(passage.events[0].x)
         self.misfit = sum(misfit for misfit, _ in self._filter())
 
@@ -203,8 +217,7 @@ class _Error:
         events, n, c = self._passage.events, self._n, len(self._coordinates)
         offsets = n + np.arange(c)
         m, P, F, Q = np.zeros(n + c), *np.zeros((3, n + c, n + c))
-        _, P[n:, n:] = self._step(np.inf if self._decay else _BEFORE)
-        P[:n, :n] = events[0].P
+        P[:n, :n], P[n:, n:] = events[0].P, self._start
         found: list[tuple[float, _Step | None]] = []
         for event, after in zip(events, [*events[1:], events[-1]]):
             H, R = np.zeros((len(event.innovation), n + c)), event.R

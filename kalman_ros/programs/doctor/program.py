@@ -25,7 +25,7 @@ from kalman_ros.analysis.diagnosis.evidence import Evidence
 from kalman_ros.bags.reading import Bag
 from kalman_ros.programs.common_arguments import add_parameters, add_part
 from kalman_ros.programs.refusal import interruptible, refuse
-from kalman_ros.programs.results import ready
+from kalman_ros.programs.results import of_recording, ready
 from kalman_ros.scenario.parameter_files import overrides
 
 from .loading import failed_checks, load
@@ -67,7 +67,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     try:
         if not options.bag.exists():
             raise FileNotFoundError(2, 'no such file or folder', str(options.bag))
-        folder = ready(options.out or Path('out') / options.bag.stem / 'doctor')
+        folder = ready(options.out or of_recording(options.bag, 'doctor'))
         changes = overrides(options.parameters)
         if options.params_file is None and not changes:
             sys.exit(describe_and_propose(options.bag, folder, console))

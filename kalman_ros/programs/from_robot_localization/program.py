@@ -245,7 +245,7 @@ def compared(file: Path, options: argparse.Namespace, against: str) -> int:
 
     # at the readings: an estimate of a timer lacks the reading of the same instant
     words = [options.compare, '--params-file', str(file), '-p', 'publish_rate:=0.0']
-    words += ['--out', f'out/replay/{file.stem}']
+    words += ['--out', f'out/{file.stem}/replay']
     for name, topic in (('--against', against), ('--truth', options.truth)):
         words += [name, topic] if topic else []
     try:

@@ -22,7 +22,7 @@ from kalman_ros.bags.replayed import Replayed
 from kalman_ros.harness.interrupts import deferred
 from kalman_ros.programs.common_arguments import add_parameters, add_part
 from kalman_ros.programs.refusal import interruptible, refuse
-from kalman_ros.programs.results import ready
+from kalman_ros.programs.results import of_recording, ready
 from kalman_ros.scenario.parameter_files import overrides
 
 from . import comparison, statistics, tables
@@ -45,7 +45,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     )  # fmt: skip
     add_parameters(parser, 'a parameter over those of the file, such as imu.topic:=/imu/data')
     parser.add_argument(
-        '--out', type=Path, metavar='DIR', help='for the results (default: out/replay/BAG)'
+        '--out', type=Path, metavar='DIR', help='for the results (default: out/BAG/replay)'
     )
     parser.add_argument('--smooth', action='store_true', help='smooth the states, too')
     add_part(parser)
@@ -103,7 +103,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Replay a recording; exit with 0 if at least one check is made and all checks pass."""
     options = arguments(argv)
     console = Console(highlight=False)
-    folder = options.out or Path('out') / 'replay' / Path(options.bag).resolve().stem
+    folder = options.out or of_recording(Path(options.bag), 'replay')
     try:
         run, wall = replayed_with_progress(options, folder, console)
     except (ValueError, OSError, ArithmeticError) as error:

@@ -24,7 +24,7 @@ from kalman_ros.analysis.tuning.robust_margins import RobustMargins, robust_marg
 from kalman_ros.core import DesignError, Dynamics
 from kalman_ros.programs.common_arguments import add_parameters, add_part
 from kalman_ros.programs.refusal import refuse
-from kalman_ros.programs.results import ready
+from kalman_ros.programs.results import of_recording, ready
 from kalman_ros.scenario import Scenario, build, shipped
 from kalman_ros.scenario.parameter_files import from_file, overrides
 from kalman_ros.scenario.regulator import steered
@@ -104,7 +104,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         changes = overrides(options.parameters)
         bounds = pairs('--bounds', options.bounds, '..')
         priors = pairs('--prior', options.prior, '+-')
-        folder = ready(options.out or Path('out') / options.bag.stem / 'tune')
+        folder = ready(options.out or of_recording(options.bag, 'tune'))
         with _bar(console) as bar:
             task = bar.add_task('reading the recording', total=None)
             recorded = load(

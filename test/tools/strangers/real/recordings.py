@@ -44,12 +44,13 @@ OWN = {
     'car_60s': _each(('gnss',), 'losses', 'coloured noise')
     + '; noise of all; scale of wheels; process noise',
     'uwb_robot': _each(_ANCHORS, 'outliers', 'noise', 'coloured noise', 'bias')
-    + '; losses of anchor_105; losses of anchor_108; process noise',
+    + '; noise of odometry; losses of anchor_105; losses of anchor_108; process noise',
     'lidar_radar': 'process noise',
     'driven_pendulum': _each(('velocity', 'torque'), 'noise', 'outliers')
     + '; coloured noise of torque; quantised of all; '
     'parameter inertia weight viscous dry offset; process noise',
-    'imu_optical': 'noise of all; coloured noise of magnetometer; process noise',
+    'imu_optical': 'noise of all; coloured noise of magnetometer; delay of magnetometer; '
+    'process noise',
 }
 
 # fmt: off
