@@ -1,6 +1,7 @@
 """Causes are found in recordings with one thing wrong, and nothing in clean ones."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,10 +9,12 @@ from thorough import mostly_thorough
 from tools.doctor_score.cases import cases
 from tools.doctor_score.recordings import Injection, recorded, stamps_of, values_of
 
-from kalman_ros.analysis.diagnosis import gross, stamps
+from kalman_ros.analysis.diagnosis import diagnose as diagnose_module
+from kalman_ros.analysis.diagnosis import gross, stamps, units
 from kalman_ros.analysis.diagnosis.diagnose import diagnose
 from kalman_ros.analysis.diagnosis.evidence import misfit
 from kalman_ros.analysis.diagnosis.examination import Examination
+from kalman_ros.analysis.diagnosis.finding import Finding
 from kalman_ros.core import rotations
 from kalman_ros.scenario import build
 
@@ -122,6 +125,48 @@ def test_the_proof_is_a_replay_with_the_change():
     assert first.proof == pytest.approx(gain)
     assert gain > 100.0
     assert first.change['position.noise'][0] == pytest.approx(0.25, rel=0.2)
+
+
+@pytest.mark.parametrize(('proof', 'kept'), [(-29.0, True), (-31.0, False), (np.nan, True)])
+def test_the_first_finding_is_doubted_if_its_replay_fits_worse(proof, kept):
+    first = Finding('bias', 'gyro', 'It is off.', 9.0, {'gyro.bias': 1.0}, certainty=0.9)
+    second = replace(first, subject='wheels', proof=-1e4)
+    doubted = diagnose_module._doubted((replace(first, proof=proof), second))
+    assert (bool(doubted[0].change), doubted[0].certainty) == (kept, 0.9 if kept else 0.3)
+    assert ('fits worse' in doubted[0].sentence) is not kept
+    assert doubted[1] == second  # it may need the change of the first one
+    assert diagnose_module._doubted(()) == ()
+
+
+def test_other_causes_of_the_sensor_of_the_best_one_are_tried():
+    """A linearisation promises little of a delay that is long beside the motion."""
+    added = []
+    best = Finding('lag', 'gyro', '', 9.0, gain=100.0)
+    trials = SimpleNamespace(
+        tried={('bias', 'gyro'): best}, add_nearer=lambda finding, after: added.append(finding)
+    )
+    sound = {'again': lambda after: None, 'mended': lambda: recorded(SCENARIO, None, 2.0, 1)}
+    late = replace(best, kind='stamps late', gain=21.0, **sound)
+    others = [
+        replace(late, gain=19.0, kind='scale'),
+        replace(late, kind='bias'),
+        replace(late, subject='wheels'),
+        replace(late, kind='disturbed', again=None),
+    ]
+    diagnose_module._try_beside(best, [*others, late], trials)
+    assert added == [late]
+
+
+@pytest.mark.parametrize(('bottom', 'changed'), [(0.0, True), (-40.0, False)])
+def test_a_scale_of_what_has_another_zero_is_no_row_of_a_matrix(bottom, changed):
+    """A sounder reads the height above a bottom; C x is zero at the surface."""
+    parameters = {
+        'model': 'linear', 'model_parameters.states': ['z', 'v'], 'sensors': ['sounder'],
+        'sounder.kind': 'tools.strangers.second.models:Sounder', 'sounder.bottom': bottom,
+        'sounder.type': 'sensor_msgs/Range', 'sounder.fields': ['range'], 'sounder.noise': [0.1],
+    }  # fmt: skip
+    evidence = SimpleNamespace(parameters=parameters, scenario=build(parameters))
+    assert bool(units.mixing(evidence, 'sounder', np.array([[0.96]]))) is changed
 
 
 @pytest.mark.thorough

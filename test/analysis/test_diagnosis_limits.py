@@ -262,7 +262,8 @@ def test_a_delay_of_stamps_is_corrected_until_a_part_of_a_deviation_is_left(more
     ],
 )
 def test_a_value_is_frozen_from_ten_repetitions_and_half_a_second_on(each, run, every, found):
-    value = np.array([*np.repeat(np.arange(1.0, 21.0), each), *[0.5] * run, 30.0])
+    after = np.repeat(np.arange(30.0, 230.0), each)  # a recording of ten seconds or more
+    value = np.array([*np.repeat(np.arange(1.0, 21.0), each), *[0.5] * run, *after])
     readings = record(every * np.arange(len(value)), value=value)
     rows = frozen.repeats(readings)
     assert (rows is not None) is found
@@ -271,10 +272,18 @@ def test_a_value_is_frozen_from_ten_repetitions_and_half_a_second_on(each, run, 
     if found:
         assert rows.tolist() == [*range(20 * each, 20 * each + run)]
         kept = findings[0].mended().sensors['position'].value[:, 0]
-        assert kept.tolist() == [*value[: 20 * each + 1], 30.0]
+        assert kept.tolist() == [*value[: 20 * each + 1], *after]
         assert f'for {every * (run - 1):.3g} s from t = {every * 20 * each:.3g} s' in (
             findings[0].sentence
         )
+
+
+@pytest.mark.parametrize(('run', 'found'), [(16, False), (17, True)])
+def test_in_a_short_recording_a_value_is_frozen_for_a_twentieth_of_it(run, found):
+    value = np.array([*np.arange(1.0, 201.0), *[0.5] * run, *np.arange(201.0, 321.0 - run)])
+    assert len(value) == 320
+    rows = frozen.repeats(record(0.01 * np.arange(320), value=value))
+    assert (rows is not None) is found
 
 
 @pytest.mark.parametrize(('count', 'found'), [(10, False), (11, True)])

@@ -112,11 +112,13 @@ def test_smaller_noise_that_stays_white_is_the_simpler_cause():
     given = passed(readings)
     shares = [np.where(np.arange(200) % 2, 1.0, share) for share in wandering._SMALLER]
     y, whole = np.concatenate(readings), covariance(200, 0.0)
+    first = np.where(np.arange(200) % 2, 0.0, 1.0)  # whose constant is unknown
+    anywhere = R * wandering._ANYWHERE**2 * np.outer(first, first)
     best = min(
         y @ np.linalg.solve(S, y) + np.linalg.slogdet(2.0 * np.pi * S)[1]
-        for S in (whole + R * np.diag(share - 1.0) for share in shares)
+        for S in (whole + anywhere + R * np.diag(share - 1.0) for share in shares)
     )
-    gain = wandering.whiter(given, 'first', 1)
+    gain = wandering.whiter(given, 'first', np.array([[R]]))
     assert gain == pytest.approx(given.misfit - best, rel=1e-8) and gain > 30.0
     found, _, _ = wandering.coloured(given, 'first', np.array([[R]]))
     assert found < 1.5 * gain

@@ -267,13 +267,11 @@ def scaled(
         nearer = factor * (1.0 - float(fit.size[0]))
         return scaled(case, name, group, nearer, factor * float(fit.std[0]), gain)
 
-    # noise in another unit is noise of the model's unit, and with a scale that of the readings
-    of_readings = kind == 'scale'
     return Finding(
         kind, label, f'readings of {label} fit the model once multiplied by {factor:.4g}{cause}.',
-        gain**0.5, mixing(evidence, name, M, of_readings), gain=max(gain, exact_gain), dues=dues,
+        gain**0.5, mixing(evidence, name, M), gain=max(gain, exact_gain), dues=dues,
         figure=Figure(f'{label}: scale', 'time [s]', space.names[index], curves),
-        mended=lambda: mixed(evidence, name, M, of_readings),
+        mended=lambda: mixed(evidence, name, M),
         again=again if kind == 'scale' else None,
     )  # fmt: skip
 
@@ -293,21 +291,16 @@ def _classify_factor(
     return 'scale', factor, f' ± {std:.1g}: their scale is wrong'
 
 
-def mixed(evidence: Evidence, name: str, M: Array, of_readings: bool = False) -> Evidence:
-    """Return the evidence with the readings y of a sensor replaced by M y.
-
-    The declared noise is that of M y, or ``of_readings`` that of y.
-    """
+def mixed(evidence: Evidence, name: str, M: Array) -> Evidence:
+    """Return the evidence with the readings y of a sensor replaced by M y."""
     record = evidence.sensors[name]
-    R = M @ record.covariance @ M.T if of_readings else record.covariance
-    return evidence.with_sensor(name, replace(record, value=record.value @ M.T, covariance=R))
+    return evidence.with_sensor(name, replace(record, value=record.value @ M.T))
 
 
-def mixing(evidence: Evidence, name: str, M: Array, of_readings: bool = False) -> dict[str, Any]:
+def mixing(evidence: Evidence, name: str, M: Array) -> dict[str, Any]:
     """Return the parameters of a linear sensor that reads M^-1 C x; empty if there are none.
 
-    The declared noise is that of M y, so that the noise is M^-1 times it, or ``of_readings`` that
-    of y.
+    The noise is multiplied in the same way, so that it stays the same in the unit of the model.
     """
     scenario, parameters = evidence.scenario, section(evidence.parameters, name)
     sensor = scenario.sensors[name].sensor
@@ -318,8 +311,7 @@ def mixing(evidence: Evidence, name: str, M: Array, of_readings: bool = False) -
         return {}
     inverse = np.linalg.inv(M)
     C = inverse @ sensor.jacobian(rest)
-    R = sensor.covariance if of_readings else inverse @ sensor.covariance @ inverse.T
-    noise = np.sqrt(np.maximum(R.diagonal(), 0.0))
+    noise = np.sqrt(np.maximum((inverse @ sensor.covariance @ inverse.T).diagonal(), 0.0))
     known = {option.name for option in options(str(parameters.get('kind', 'states')))}
     removed = known.intersection(parameters) - {option.name for option in options('linear')}
     return {
