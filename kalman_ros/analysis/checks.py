@@ -223,7 +223,7 @@ def _check_dynamics(
         for pole, nearest in zip(*_pair_poles(poles, fitted_poles)):
             s, near = continuous_poles(np.array([pole, nearest]), length).tolist()
             results.append(Check(f'{name} pole', '1/s', s, near, nan, nan, passed))
-        label = f'{name} dynamics, squared misfit'
+        label = f'{name} dynamics, misfit^2'
         results.append(Check(label, '', 1.0, measured, low, high, passed))
     return results
 

@@ -28,6 +28,11 @@ _BIG_ENDIAN_LENGTH = struct.Struct('>I')
 FRAME_START = STAMP_START + STAMP.size
 
 
+def has_header(type: str) -> bool:
+    """Return whether messages of a type, ``package/Name``, have a header with a stamp."""
+    return 'header' in message_type(type).get_fields_and_field_types()
+
+
 def message_type(name: str) -> Any:
     """Return the class of ``package/Name`` (``package/msg/Name`` is the same).
 

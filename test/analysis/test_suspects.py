@@ -19,8 +19,8 @@ def check(name, measured, low=0.9, high=1.1):
         ('NEES / 4', 3.0, 'Errors are larger than the covariance says'),
         ('RMS error of x', 3.0, 'The estimate of x is worse than predicted'),
         ('largest error of theta / std', 9.0, 'The estimate of theta is biased'),
-        ('regulator dynamics, squared misfit', 3.0, 'suspect a parameter of the model'),
-        ('estimator dynamics, squared misfit', 3.0, 'suspect the noise parameters'),
+        ('regulator dynamics, misfit^2', 3.0, 'suspect a parameter of the model'),
+        ('estimator dynamics, misfit^2', 3.0, 'suspect the noise parameters'),
         ('RMS of v_x', 3.0, 'v_x moves more than predicted'),
     ],
 )

@@ -68,3 +68,10 @@ def test_a_type_has_a_long_name_and_a_short_one():
 def test_what_is_no_type_is_refused(name, reason):
     with pytest.raises(ValueError, match=f'^{reason}'):
         messages.message_type(name)
+
+
+@pytest.mark.parametrize(
+    ('type', 'has'), [('std_msgs/Float64', False), ('sensor_msgs/msg/Range', True)]
+)
+def test_a_type_has_a_header_or_not(type, has):
+    assert messages.has_header(type) is has

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.codecs.layout import Sample
+from kalman_ros.codecs.messages import has_header
 from kalman_ros.core import Gaussian, Signal, Value
 from kalman_ros.estimators.consistency import ChiSquareWindow, verdict
 from kalman_ros.estimators.error_statistics import Comparison
@@ -162,6 +163,16 @@ class MonitorNode(runtime.ScenarioNode):
         judged = {name: window for name, window in verdicts.items() if name not in unused}
         return Level.OK, verdict(judged), values
 
+    def _unstamped(self) -> str:
+        """Return why estimates may have other stamps than the truth."""
+        sensors = self.scenario.sensors
+        names = [
+            name for name in self.scenario.enabled if not has_header(sensors[name].signal.type)
+        ]
+        if not names:
+            return ''
+        return f': readings of {", ".join(names)} have no stamp, and count from their receipt'
+
     def _incomplete(self) -> str:
         """Return why what was compared is not enough for a verdict; '' if it is."""
         comparison, now = self._comparison, monotonic()
@@ -169,7 +180,7 @@ class MonitorNode(runtime.ScenarioNode):
         if count != self._count:
             self._count, self._compared_at = count, now
         if not count:
-            return 'no truth and estimate with the same stamp received'
+            return f'no truth and estimate with the same stamp received{self._unstamped()}'
         missing = len(compared) - sum(compared)
         if missing > _MOST_MISSING * len(compared):
             why = 'they are not finite, or no truth with their stamp was received'

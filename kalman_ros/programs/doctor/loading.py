@@ -14,7 +14,7 @@ from kalman_ros.analysis.diagnosis.evidence import Evidence, changed
 from kalman_ros.analysis.records import SensorRecord
 from kalman_ros.bags.reading import Bag
 from kalman_ros.bags.replay import estimator_settings, replay_bag
-from kalman_ros.codecs.messages import message_type
+from kalman_ros.codecs.messages import has_header
 from kalman_ros.programs.replay.statistics import checks
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import from_file
@@ -68,7 +68,7 @@ def replayed(
     headerless = frozenset(
         name
         for name, source in result.scenario.sensors.items()
-        if 'header' not in message_type(source.signal.type).get_fields_and_field_types()
+        if not has_header(source.signal.type)
     )
     return Evidence(
         parameters, result.scenario, sensors, result.inputs, result.beliefs, again, headerless

@@ -97,7 +97,7 @@ def _regulator(name: str, topic: str | None, seconds: float) -> list[Check]:
     passed = bool(low <= distance <= high)
     return [
         Check(f'(b) {name}: pole', '1/s', complex(pole), nearest, np.nan, np.nan, passed),
-        Check(f'(b) {name}: dynamics, squared misfit', '', 1.0, distance, low, high, passed),
+        Check(f'(b) {name}: dynamics, misfit^2', '', 1.0, distance, low, high, passed),
     ]
 
 
