@@ -138,20 +138,22 @@ def test_the_first_finding_is_doubted_if_its_replay_fits_worse(proof, kept):
     assert diagnose_module._doubted(()) == ()
 
 
-def test_other_causes_of_the_sensor_of_the_best_one_are_tried():
-    """A linearisation promises little of a delay that is long beside the motion."""
+def test_a_delay_of_the_sensor_of_the_best_cause_is_tried():
+    """A linearisation promises little of one that is long beside the motion."""
     added = []
     best = Finding('lag', 'gyro', '', 9.0, gain=100.0)
     trials = SimpleNamespace(
-        tried={('bias', 'gyro'): best}, add_nearer=lambda finding, after: added.append(finding)
+        tried={('stamps early', 'gyro'): best},
+        add_nearer=lambda finding, after: added.append(finding),
     )
-    sound = {'again': lambda after: None, 'mended': lambda: recorded(SCENARIO, None, 2.0, 1)}
-    late = replace(best, kind='stamps late', gain=21.0, **sound)
+    late = replace(
+        best, kind='stamps late', gain=21.0, mended=lambda: recorded(SCENARIO, None, 2.0, 1)
+    )
     others = [
-        replace(late, gain=19.0, kind='scale'),
-        replace(late, kind='bias'),
+        replace(late, gain=19.0),
+        replace(late, kind='scale'),
         replace(late, subject='wheels'),
-        replace(late, kind='disturbed', again=None),
+        replace(late, kind='stamps early'),
     ]
     diagnose_module._try_beside(best, [*others, late], trials)
     assert added == [late]

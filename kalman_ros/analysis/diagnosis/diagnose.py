@@ -16,7 +16,6 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import islice
 
 import numpy as np
 
@@ -87,8 +86,8 @@ _NEAREST = 3
 #: A finding is tried if its predicted gain is at least this share of the best gain. The second
 #: share applies to reliable predictions: the filter is not lost, and the gain is above `_SURE`.
 _CLOSE, _CLOSER, _SURE = 0.4, 0.5, 1000.0
-#: The share for a cause of the same sensor as the best one, of which the size is fitted again.
-_BESIDE = 0.2
+#: The share for a delay of the sensor of the best finding, the size of which is fitted again.
+_BESIDE, _DELAYS = 0.2, ('stamps late', 'stamps early')
 #: A change is proven by a replay of the first seconds if it explains this share of the misfit. A
 #: smaller effect is hidden by the other faults, which the replay does not correct.
 PROOF, _PROVEN = 20.0, 0.01
@@ -240,16 +239,11 @@ def _find_best(
 
 
 def _try_beside(best: Finding, promised: Sequence[Finding], trials: Trials) -> None:
-    """Try other causes of the same sensor, of which a linearisation may promise too little."""
-    untried = (
-        finding
-        for finding in promised
-        if finding.subject == best.subject
-        and (finding.kind, finding.subject) not in trials.tried
-        and finding.gain > _BESIDE * best.gain
-    )
-    for finding in islice(untried, _NEAREST):
-        if finding.again and finding.mended:
+    """Try delays of the same sensor: a linearisation promises too little of a long one."""
+    for finding in promised:
+        untried = (finding.kind, finding.subject) not in trials.tried
+        delay = finding.kind in _DELAYS and finding.subject == best.subject
+        if delay and untried and finding.gain > _BESIDE * best.gain and finding.mended:
             with suppress(np.linalg.LinAlgError):
                 trials.add_nearer(finding, Examination(finding.mended()))
 
