@@ -14,6 +14,8 @@ from kalman_ros.core.ordered_data import OrderedData, ReadingMatrices, StepMatri
 
 _POINTER, _LONG, _DOUBLE = ctypes.c_void_p, ctypes.c_long, ctypes.c_double
 _TURN = 2.0 * np.pi
+#: Most states of a pass in C, the matrices of which are on the stack.
+_MOST_STATES = 100
 
 
 class _Sensor(ctypes.Structure):
@@ -72,6 +74,8 @@ def run(
         Most numbers of a reading.
     """
     n, length = x.size, len(data.time)
+    if n > _MOST_STATES:
+        return None
     kept: list[Any] = []
 
     def at(values: Any, kind: Any = np.float64) -> int:

@@ -138,6 +138,18 @@ def test_the_first_finding_is_doubted_if_its_replay_fits_worse(proof, kept):
     assert diagnose_module._doubted(()) == ()
 
 
+def test_a_cause_found_in_turn_comes_before_what_its_noise_had_hidden():
+    """Where noise that is too large is reduced in between, gains grow."""
+    kinds = [('stamps rounded', 50.0), ('rotated', 100.0), ('noise too large', 900.0),
+             ('bias', 300.0), ('scale', 20.0)]  # fmt: skip
+    findings = [Finding(kind, 'gyro', '', 9.0, gain=gain) for kind, gain in kinds]
+    ranked = diagnose_module._rank(findings, slice(1, None))
+    assert [each.kind for each in ranked] == [
+        'rotated', 'bias', 'stamps rounded', 'scale', 'noise too large'
+    ]  # fmt: skip
+    assert diagnose_module._rank(findings)[0].kind == 'bias'
+
+
 def test_a_delay_of_the_sensor_of_the_best_cause_is_tried():
     """A linearisation promises little of one that is long beside the motion."""
     added = []

@@ -16,6 +16,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 
@@ -136,9 +137,10 @@ def diagnose(
     if any(source.bias is not None for source in evidence.scenario.enabled.values()):
         uncorrected, case = case, Examination(bias.without_declared(case))
     findings += gates.find(case)
+    first = len(findings)
     correlated = common_noise.find(case)
     for number in range(_ROUNDS):
-        progress(f'causes of the misfit, {number + 1}{_so_far(findings)}')
+        progress(f'causes of the misfit, {number + 1}{_so_far(findings, first)}')
         best = _find_best(case, findings, uncorrected)
         if best is None:
             break
@@ -146,22 +148,23 @@ def diagnose(
         finding, after = best
         case = case if finding.absorbs else after
         findings.append(finding)
+    last = len(findings)
     findings += common_noise.clearest(correlated, common_noise.find(case))
     notes += leftover.find(case)
-    ranked = _rank(findings)
+    ranked = _rank(findings, slice(first, last))
     if proofs:
-        progress(f'proofs{_so_far(findings)}')
+        progress(f'proofs{_so_far(findings, first)}')
         ranked = _doubted(tuple(_prove(evidence, finding) for finding in ranked))
     sure, doubtful = divided(ranked)
     return Diagnosis(tuple(sure), (*notes, *doubtful), before, case.passage.misfit)
 
 
-def _so_far(findings: Sequence[Finding]) -> str:
-    """Return the first finding of those so far, in words."""
+def _so_far(findings: Sequence[Finding], first: int) -> str:
+    """Return the first finding of those so far, in words; those from ``first`` on are in turn."""
     if not findings:
         return ''
-    first = _rank(findings)[0]
-    return f'; so far: {first.kind} of {first.subject}'
+    best = _rank(findings, slice(first, None))[0]
+    return f'; so far: {best.kind} of {best.subject}'
 
 
 def divided(findings: Sequence[Finding]) -> tuple[list[Finding], list[Finding]]:
@@ -328,19 +331,26 @@ def _doubted(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
     return replace(first, sentence=sentence, change={}, certainty=certainty), *others
 
 
-def _rank(findings: Sequence[Finding]) -> tuple[Finding, ...]:
+def _rank(findings: Sequence[Finding], in_turn: slice = slice(0)) -> tuple[Finding, ...]:
     """Return findings with their shares: silent sensors first, then by gain.
 
     What explains little comes after facts without a likelihood, such as losses; cautions are last.
+    Of findings ``in_turn`` none comes before an earlier one, which was the best one when both were
+    tried: gains grow where noise was reduced in between.
     """
+    weights, least = [finding.gain for finding in findings], inf
+    for index in range(len(findings))[in_turn]:
+        if not findings[index].cautious:
+            weights[index] = least = min(least, weights[index])
     total = sum(max(0.0, finding.gain) for finding in findings)
     shared = [
         replace(finding, share=max(0.0, finding.gain) / total if total > 0.0 else 0.0)
         for finding in findings
     ]
 
-    def order(finding: Finding) -> tuple[bool, bool, bool, float]:
+    def order(index: int) -> tuple[bool, bool, bool, float]:
+        finding = shared[index]
         little = 0.0 < finding.share < _LITTLE
-        return not finding.silent, finding.cautious, little, -finding.gain
+        return not finding.silent, finding.cautious, little, -weights[index]
 
-    return tuple(sorted(shared, key=order))
+    return tuple(shared[index] for index in sorted(range(len(shared)), key=order))
