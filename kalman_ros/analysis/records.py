@@ -63,9 +63,10 @@ def period(gaps: Array) -> float:
     """Return the time from reading to reading, from times between those received (N,).
 
     A source that runs in steps reads at each second or third of them, so that single times tell
-    less than their mean. Longer ones contain losses.
+    less than their mean. Longer ones contain losses, and negative ones are out of order.
     """
-    return float(np.mean(gaps[gaps < _LONGER * np.median(gaps)]))
+    forward = gaps[gaps > 0.0]
+    return float(np.mean(forward[forward < _LONGER * np.median(forward)]))
 
 
 @dataclass(frozen=True)

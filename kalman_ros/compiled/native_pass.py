@@ -73,8 +73,11 @@ def run(
     most_read
         Most numbers of a reading.
     """
-    n, length = x.size, len(data.time)
-    if n > _MOST_STATES:
+    n, length, space = x.size, len(data.time), model.state
+    arrive = _address(getattr(space, '_c_arrive', None))
+    if n > _MOST_STATES or (space.rotations and not arrive):
+        return None
+    if data.inputs.shape[1:] != model._c_shapes[1]:
         return None
     kept: list[Any] = []
 
@@ -87,12 +90,14 @@ def run(
         structures, sensors, data.readings, data.covariances, limits
     ):
         count, k = y.shape
+        if k > most_read or k != sensor.output.size:
+            return None
         found = ReadingMatrices(
             *map(np.empty, ((count, k, n), (count, n, k), (count, k, k))),
             *map(np.empty, ((count, k), (count, k, k), count, (count, k))),
         )
         functions = _functions(sensor, n)
-        if k > most_read or functions is None:
+        if functions is None:
             return None
         structure.sensed, structure.subtract, numbers = functions
         structure.p = numbers if isinstance(numbers, int) else at(numbers)
@@ -109,7 +114,7 @@ def run(
     sequence = _Sequence(
         length, at(data.dt), at(parts, ctypes.c_long), at(data.input, ctypes.c_long),
         at(data.inputs), at(data.sensor, ctypes.c_long), ctypes.addressof(structures),
-        model._c_p, model.max_step, _address(getattr(model.state, '_c_arrive', None)),
+        model._c_p, model.max_step, arrive,
         at(x.copy()), at(P.copy()), *(each.ctypes.data for each in (F, Q, predicted, covariance)),
         fused.ctypes.data,
     )  # fmt: skip
@@ -136,11 +141,13 @@ def _functions(sensor: Any, n: int) -> tuple[int, int, Any] | None:
     A matrix needs none: its numbers are H and what is read at the origin. None if a sensor is
     neither.
     """
-    library = getattr(sensor, '_c_library', None)
+    library, output = getattr(sensor, '_c_library', None), sensor.output
+    subtract = _address(getattr(output, '_c_subtract', None))
+    if output.rotations and not subtract:
+        return None
     if library is not None and sensor._c_sets == 1:
-        subtract = getattr(sensor.output, '_c_subtract', None)
-        return _address(library.sensed), _address(subtract), sensor._c_p
-    if sensor.linear and not sensor.output.rotations:
+        return _address(library.sensed), subtract, sensor._c_p
+    if sensor.linear and not output.rotations:
         rest = np.zeros(n)
         return 0, 0, np.concatenate((sensor.jacobian(rest).ravel(), sensor.measure(rest)))
     return None

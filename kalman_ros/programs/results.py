@@ -30,4 +30,9 @@ def of_recording(bag: Path, program: str) -> Path:
     The name is that of the recording, or of its folder where `demo` has recorded.
     """
     path = bag.resolve()
-    return Path('out') / (path.parent.name if path.name == RECORDED else path.stem) / program
+    if RECORDED in (path.name, path.parent.name):
+        path = path.parent if path.name == RECORDED else path.parent.parent
+        name = path.name if path.name != 'against' else f'{path.parent.name}_against'
+    else:
+        name = path.stem
+    return Path('out') / (name or RECORDED) / program

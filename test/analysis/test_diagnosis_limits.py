@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from examined import START, case, kinds, record, responding
 
+from kalman_ros.analysis import records
 from kalman_ros.analysis.diagnosis import (
     contradicted_parameters,
     first_belief,
@@ -345,6 +346,8 @@ def test_a_rate_differs_from_the_declared_one_by_a_tenth(times, found):
 
 def test_the_rate_of_a_source_that_runs_in_steps_is_that_of_their_mean():
     """A sensor of 20 Hz on a plant of 50 Hz is read each second or third step."""
+    swapped = np.array([0.1, 0.2, -0.1, 0.2, *[0.1] * 20])
+    assert records.period(swapped) == pytest.approx(0.1)
     stamp = 0.02 * np.ceil(2.5 * np.arange(60))
     assert [
         each.kind for each in rate.find(case(record(stamp))) if each.subject == 'position'

@@ -98,6 +98,33 @@ def test_a_filter_that_fails_ends_where_it_does_by_steps(both):
     assert len(in_c.events) == len(steps.events) > 100
 
 
+def test_what_was_rejected_until_a_filter_fails_is_known(both):
+    evidence = recorded('cart_pole', seconds=3.0, seed=2)
+    name = next(iter(evidence.sensors))
+    value = evidence.sensors[name].value.copy()
+    value[50:60] += 100.0
+    spoilt = evidence.with_values(name, value)
+    record = spoilt.sensors[name]
+    covariance = record.covariance.copy()
+    covariance[60] = 1e300  # usable, and the innovation covariance overflows
+    spoilt = spoilt.with_sensor(name, replace(record, covariance=covariance))
+    with np.errstate(all='ignore'):
+        in_c, steps, _ = both(lambda: rejected(spoilt, name, 1e4))
+    assert in_c.tolist() == steps.tolist()
+    assert {*range(50, 60)} <= {*in_c.tolist()}
+
+
+def test_rotations_that_are_not_compiled_are_processed_by_steps(both, monkeypatch):
+    """As those of a model whose space is a property."""
+    from kalman_ros.compiled import native
+
+    evidence = recorded('robot_3d', seconds=1.0, seed=2)
+    monkeypatch.setattr(native, 'native_space', lambda space, wait: space)
+    in_c, steps, outcomes = both(lambda: passage(evidence).misfit)
+    assert outcomes == [None]
+    assert in_c == steps
+
+
 def test_readings_that_are_too_long_for_c_are_processed_by_steps(both, monkeypatch):
     from kalman_ros.compiled import native
 

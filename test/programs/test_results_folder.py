@@ -15,6 +15,9 @@ from kalman_ros.programs.results import of_recording
         ('monday.mcap', 'monday'),
         ('out/linear/recording', 'linear'),
         ('out/cart_pole/recording', 'cart_pole'),
+        ('out/cart_pole/recording/recording_0.mcap', 'cart_pole'),
+        ('out/cart_pole/against/recording', 'cart_pole_against'),
+        ('/recording', 'recording'),
     ],
 )
 def test_results_of_two_recordings_have_two_folders(bag, name):

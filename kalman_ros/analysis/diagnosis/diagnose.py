@@ -245,7 +245,7 @@ def _try_beside(best: Finding, promised: Sequence[Finding], trials: Trials) -> N
     """Try delays of the same sensor: a linearisation promises too little of a long one."""
     for finding in promised:
         untried = (finding.kind, finding.subject) not in trials.tried
-        delay = finding.kind in _DELAYS and finding.subject == best.subject
+        delay = finding.kind in _DELAYS and finding.subject == best.subject.partition('.')[0]
         if delay and untried and finding.gain > _BESIDE * best.gain and finding.mended:
             with suppress(np.linalg.LinAlgError):
                 trials.add_nearer(finding, Examination(finding.mended()))
@@ -318,17 +318,21 @@ def _prove(evidence: Evidence, finding: Finding) -> Finding:
 def _doubted(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
     """Return findings of which the first is doubted if a replay with its change fits worse.
 
-    Those behind it may need the change of the first one to fit better.
+    Those behind it may need the change of the first one to fit better. Silent sensors count
+    neither way.
     """
-    if not findings or not findings[0].proof < -CHANCE:
+    silent = tuple(finding for finding in findings if finding.silent)
+    judged = findings[len(silent) :]
+    if not judged or not judged[0].proof < -CHANCE:
         return findings
-    first, *others = findings
+    first, *others = judged
     sentence = (
         f'{first.sentence} But a replay of the first {PROOF:g} s with its lines fits worse, so '
         'that they are left out: it is another cause, or not the only one.'
     )
     certainty = min(first.certainty, _REFUTED)
-    return replace(first, sentence=sentence, change={}, certainty=certainty), *others
+    doubted = replace(first, sentence=sentence, change={}, certainty=certainty)
+    return *silent, doubted, *others
 
 
 def _rank(findings: Sequence[Finding], in_turn: slice = slice(0)) -> tuple[Finding, ...]:

@@ -15,8 +15,8 @@ from .examination import Examination
 from .finding import Curve, Figure, Finding
 
 #: A value is frozen if it is repeated this number of times, and for this time in seconds or, of a
-#: short recording, this share of it.
-_REPEATED, _FROZEN, _SHARE = 10, 0.5, 0.05
+#: short recording, this share of it, but no less than the last number.
+_REPEATED, _FROZEN, _SHARE, _SHORTEST = 10, 0.5, 0.05, 0.15
 #: Mean of normalised squares up to which readings of zero are those of a body at rest.
 _AGREES = 2.0
 
@@ -71,5 +71,5 @@ def repeats(record: SensorRecord) -> Array | None:
     run = np.arange(breaks[longest], breaks[longest + 1])
     typical = float(np.median(lengths))
     enough = len(run) >= max(_REPEATED, 10.0 * typical) or len(run) == len(record) > _REPEATED
-    least = min(_FROZEN, _SHARE * np.ptp(record.stamp))
+    least = min(_FROZEN, max(_SHARE * np.ptp(record.stamp), _SHORTEST))
     return run if enough and np.ptp(record.stamp[run]) >= least else None

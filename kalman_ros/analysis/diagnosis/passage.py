@@ -166,7 +166,9 @@ def _initial_belief(data: _Readings, until: float) -> Gaussian:
         return scenario.initial_belief
 
     def follow(part: Gaussian) -> Iterator[float]:
-        for event, e in _steps(data, part):
+        for _, fused in _steps(data, part):
+            assert fused is not None  # there is no gate
+            event, e = fused
             yield min(float(e.dot(e)), _OUTLYING) + event.log
 
     return likeliest(scenario.initial_belief, scenario.model.state, follow)
@@ -254,14 +256,16 @@ def _run_filter(
     at_once = _matrices(given, first, gate)
     if at_once is not None:
         return *_events(given, at_once), inf
-    found, last = list[tuple[Event, Array]](), inf
+    found, last = list[tuple[Event, Array]](), -inf
     try:
-        for each in _steps(given, first, gate):
-            found.append(each)
+        for time, fused in _steps(given, first, gate):
+            last = time
+            if fused is not None:
+                found.append(fused)
+        last = inf
     except np.linalg.LinAlgError:
         if strict:
             raise
-        last = found[-1][0].time if found else -inf
     return [event for event, _ in found], [e for _, e in found], last
 
 
@@ -310,8 +314,8 @@ def _fused_rows(found: StepMatrices, data: OrderedData) -> Iterator[Any]:
 
 def _steps(
     given: _Readings, belief: Gaussian, gate: tuple[str, float] | None = None
-) -> Iterator[tuple[Event, Array]]:
-    """Yield the events of a pass from a belief, one after the other."""
+) -> Iterator[tuple[float, tuple[Event, Array] | None]]:
+    """Yield the time of each reading of a pass from a belief, with its event if it is fused."""
     scenario, data = computed(given.evidence.scenario), given.data
     filter, limits = ExtendedKalmanFilter(scenario.model), given.limits(gate)
     sensors = [scenario.sensors[name].sensor for name in given.names]
@@ -332,6 +336,7 @@ def _steps(
         found: Any = filter.correct(belief, data.readings[s][row], sensor)
         before = time if isnan(before) else before
         if found.nis > limits[s]:
+            yield time, None
             continue
         nu, S = found.innovation, found.innovation_covariance
         white, log_size = whitener(S)
@@ -341,7 +346,7 @@ def _steps(
             found.jacobian, sensor.covariance, found.gain, S, nu, white, log_size,
         )  # fmt: skip
         known, F, Q, before, belief = False, *_no_step(belief), time, found.posterior
-        yield event, np.minimum(np.maximum(white.dot(nu), -_FAR), _FAR)
+        yield time, (event, np.minimum(np.maximum(white.dot(nu), -_FAR), _FAR))
 
 
 def _no_step(belief: Gaussian) -> tuple[Array, Array]:
@@ -379,19 +384,6 @@ def usable(record: SensorRecord) -> Any:
     sound: Any = np.isfinite(record.covariance).all(axis=(1, 2))
     lowest = np.linalg.eigvalsh(np.where(sound[:, None, None], record.covariance, 0.0))[:, 0]
     return finite & sound & (lowest > 0.0)
-
-
-def _order_readings(evidence: Evidence, until: float) -> list[tuple[float, str, int]]:
-    """Return the usable readings in the order of stamps, and of sensors for equal stamps."""
-    readings = []
-    for order, name in enumerate(evidence.scenario.enabled):
-        record = evidence.sensors.get(name)
-        if record is None or not len(record):
-            continue
-        indices = np.flatnonzero(usable(record) & (record.stamp <= until))
-        stamps, first = np.unique(np.round(record.stamp[indices], 9), return_index=True)
-        readings += [(t, order, name, int(indices[i])) for t, i in zip(stamps.tolist(), first)]
-    return [(time, name, index) for time, _, name, index in sorted(readings)]
 
 
 def explained(before: Passage, after: Passage) -> float:

@@ -241,7 +241,8 @@ class NamedParameters:
                 if isinf(number):  # of a limit, none
                     continue
                 scale = None if scales is None or isinf(scales[index]) else scales[index]
-                least = max(low, 0.0) if self._is_variance(name, index, len(value)) else low
+                variance = number > 0.0 and self._is_variance(name, index, len(value))
+                least = max(low, 0.0) if variance else low
                 yield _Place(name, index, _free(full, number, least, about.maximum, unit, scale))
 
     def _is_variance(self, name: str, index: int, size: int) -> bool:

@@ -50,7 +50,11 @@ users do: the executable, with its windows, gates and outcomes. Made by
 - *real*: faults injected into six real recordings (a robot on wheels, a car, ranges of radio
   beacons, lidar and radar, a pendulum, an IMU in a hand), and these as they are. Two causes of
   false alarms in them were mended after a first score; since, with the results in view, rates of
-  an input in degrees or reversed are found, and what is less than 1 % sure is a note.
+  an input in degrees or reversed are found, what is less than 1 % sure is a note, values of a
+  short recording may be frozen for less than half a second, a slow sensor is no
+  long delay, and a cause comes before later ones. Two truths were added: the noise of the robot's
+  wheels among the beacons is declared too large, and the magnetometer in the hand is late, by the
+  optical attitude, which the doctor does not see (`test/estimators/test_optical_truth.py`).
 - *first*, and *second* where it is listed: other simulated systems. Causes that they have and the
   doctor lacked were added since, so that their shares of right causes flatter it.
 
