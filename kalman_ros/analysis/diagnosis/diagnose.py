@@ -220,12 +220,8 @@ def _find_best(
         best = trials.best
         if best and finding not in from_passes and finding.gain < share * best.gain:
             break
-        try:
-            finding = finding.exact() if finding.exact else finding
-            mended = finding.mended and Examination(finding.mended(), known=finding.passage)
-            trials.add(finding, mended or case)
-        except np.linalg.LinAlgError:
-            continue
+        with suppress(np.linalg.LinAlgError):
+            _try(finding.exact() if finding.exact else finding, trials)
     if before is not None:
         _try_before(before, trials)
     if best := trials.best:
@@ -239,6 +235,12 @@ def _find_best(
             assert finding.mended is not None
             trials.add_nearer(finding, Examination(finding.mended()))
     return trials.result()
+
+
+def _try(finding: Finding, trials: Trials) -> None:
+    """Try a finding by a pass over the corrected recording, which is large."""
+    mended = finding.mended and Examination(finding.mended(), known=finding.passage)
+    trials.add(finding, mended or trials.case)
 
 
 def _try_beside(best: Finding, promised: Sequence[Finding], trials: Trials) -> None:

@@ -12,7 +12,7 @@ scatter less than their noise, and less a drawn one they scatter as they should.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +21,7 @@ from kalman_ros.core import Array
 from kalman_ros.linear import single
 from kalman_ros.linear.matrices import symmetric
 
-from .passage import Passage, whitener
+from .passage import Event, Passage, whitener
 
 #: Trial factors of the densities that a coarser fit found, from the middle outwards.
 _STEP, _MOST = 4.0, 4
@@ -80,14 +80,12 @@ def is_walk(times: Array, path: Array, predicted: Array) -> bool:
 
 
 class _Step(NamedTuple):
-    """A belief after an event, and the linear step (F, Q) to the prediction of the next event."""
+    """A linear step (F, Q) from the belief after an event to the prediction of the next one."""
 
-    mean: Array
-    covariance: Array
     F: Array
     Q: Array
-    ahead: Array
-    ahead_covariance: Array
+    mean: Array
+    covariance: Array
 
 
 def likeliest(
@@ -203,7 +201,7 @@ class _Error:
         _, first = self._step(np.inf if decay else _BEFORE)
         self._start = first if start is None else start
         self._n = len(passage.events[0].x)
-        self.misfit = sum(misfit for misfit, _ in self._filter())
+        self.misfit = sum(misfit for misfit, _, _ in self._filter())
 
     def _step(self, dt: float) -> tuple[float, Array]:
         """Return the share of the error that is left after ``dt``, and the covariance added."""
@@ -212,13 +210,12 @@ class _Error:
         left = float(np.exp(-self._decay * dt))
         return left, (1.0 - left * left) / (2.0 * self._decay) * self._density
 
-    def _filter(self, keep: bool = False) -> list[tuple[float, _Step | None]]:
-        """Return the misfit of each event, and the steps that `path` takes back where kept."""
+    def _filter(self) -> Iterator[tuple[float, Array, Array]]:
+        """Yield the misfit of each event, and the mean and covariance after it."""
         events, n, c = self._passage.events, self._n, len(self._coordinates)
         offsets = n + np.arange(c)
-        m, P, F, Q = np.zeros(n + c), *np.zeros((3, n + c, n + c))
+        m, P = np.zeros(n + c), np.zeros((n + c, n + c))
         P[:n, :n], P[n:, n:] = events[0].P, self._start
-        found: list[tuple[float, _Step | None]] = []
         for event, after in zip(events, [*events[1:], events[-1]]):
             H, R = np.zeros((len(event.innovation), n + c)), event.R
             H[:, :n] = event.H
@@ -230,29 +227,34 @@ class _Error:
             e = white.dot(event.innovation - H.dot(m))
             gain = PH.dot(white.T)
             m, P = m + gain.dot(e), P - gain.dot(gain.T)
-            F[:n, :n], Q[:n, :n] = after.F, after.Q
-            F[offsets, offsets], Q[n:, n:] = self._step(after.dt)
-            moved = m.copy()
-            moved[:n] -= event.K.dot(event.innovation)
-            ahead, P_ahead = F.dot(moved), symmetric(F.dot(P).dot(F.T) + Q)
-            step = _Step(m, P, F.copy(), Q.copy(), ahead, P_ahead) if keep else None
-            found.append((float(e.dot(e)) + log_size, step))
-            m, P = ahead, P_ahead
-        return found
+            yield float(e.dot(e)) + log_size, m, P
+            _, _, m, P = self._between(event, after, m, P)
+
+    def _between(self, event: Event, after: Event, m: Array, P: Array) -> _Step:
+        """Return the step from the belief after an event to the event ``after`` it."""
+        n, size = self._n, len(m)
+        F, Q = np.zeros((2, size, size))
+        F[:n, :n], Q[:n, :n] = after.F, after.Q
+        share, Q[n:, n:] = self._step(after.dt)
+        F.flat[n * (size + 1) :: size + 1] = share
+        moved = m.copy()
+        moved[:n] -= event.K.dot(event.innovation)
+        return _Step(F, Q, F.dot(moved), symmetric(F.dot(P).dot(F.T) + Q))
 
     def path(self) -> Array:
         """Return a path (E, c) at the events of the sensor, drawn given all readings."""
-        rng, n = np.random.default_rng(_SEED), self._n
-        steps = [step for _, step in self._filter(keep=True) if step is not None]
-        drawn = _draw(rng, steps[-1].mean, steps[-1].covariance)
+        rng, n, events = np.random.default_rng(_SEED), self._n, self._passage.events
+        beliefs = [(m, P) for _, m, P in self._filter()]
+        drawn = _draw(rng, *beliefs[-1])
         offsets = [drawn[n:]]
-        for step in reversed(steps[:-1]):
-            back = _solved(step.ahead_covariance, step.F @ step.covariance).T
-            mean = step.mean + back @ (drawn - step.ahead)
+        for index in reversed(range(len(events) - 1)):
+            m, P = beliefs[index]
+            step = self._between(events[index], events[index + 1], m, P)
+            back = _solved(step.covariance, step.F @ P).T
             # Joseph's form, in which nothing cancels
-            left = np.eye(len(mean)) - back @ step.F
-            covariance = left @ step.covariance @ left.T + back @ step.Q @ back.T
-            drawn = _draw(rng, mean, covariance)
+            left = np.eye(len(m)) - back @ step.F
+            covariance = left @ P @ left.T + back @ step.Q @ back.T
+            drawn = _draw(rng, m + back @ (drawn - step.mean), covariance)
             offsets.append(drawn[n:])
         whole: Array = np.array(offsets[::-1])
         return np.asarray(whole[self._passage.of(self._sensor)])
