@@ -217,10 +217,8 @@ def _ordered(evidence: Evidence, until: float = inf) -> _Readings:
         orders.append(np.arange(len(stamps)))
     inputs = evidence.inputs
     acts = np.argsort(inputs.stamp, kind='stable')
-    stamps, last = (
-        np.round(inputs.stamp[acts], 9),
-        max((t[-1] for t in times if len(t)), default=-inf),
-    )
+    stamps = np.round(inputs.stamp[acts], 9)
+    last = max((float(each[-1]) for each in times if len(each)), default=-inf)
     acts, stamps = acts[stamps < last], stamps[stamps < last]
     sensor = np.repeat([*range(len(names)), -1], [*map(len, times), len(stamps)])
     row = np.concatenate((*orders, np.full(len(stamps), -1))).astype(int)
