@@ -115,12 +115,12 @@ def _verified(original: Any, state: Space | None, wait: bool, one_of_many: bool)
     space = state or original.state
     found = make(original, space, wait)
     try:
-        formulas.verify(original, found.result, space)
+        formulas.verify(original, found.result, space, one_of_many=one_of_many)
     except UntraceableError:
         # what has the same attributes may compute by other formulas than before
         native.forget_formulas()
         found = make(original, space, wait)
-        formulas.verify(original, found.result, space)
+        formulas.verify(original, found.result, space, one_of_many=one_of_many)
     return found
 
 

@@ -105,6 +105,10 @@ def _numbers(value: Any, opened: bool, inside: tuple[Any, ...] = ()) -> Iterator
         yield value.shape
         for each in value.ravel().tolist():
             yield each or _ZERO
+    elif isinstance(value, np.ndarray) and value.dtype.kind in 'iub':  # indices are no parameters
+        yield value.dtype, value.shape, value.tobytes()
+    elif isinstance(value, slice):
+        yield slice, value.start, value.stop, value.step
     elif isinstance(value, (tuple, list)):
         yield type(value), len(value)
         for each in value:

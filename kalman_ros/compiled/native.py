@@ -165,9 +165,10 @@ class NativeModel(_Numbered, Model):
         parts: Any,
         sensors: Sequence[Sensor],
         limits: Sequence[float],
+        kept: bool = True,
     ) -> StepMatrices | None:
         """Return the matrices of an extended filter that processes data in order."""
-        return run(self, *belief, data, parts, sensors, limits, MOST_READ)
+        return run(self, *belief, data, parts, sensors, limits, kept, MOST_READ)
 
     def derivative(self, x: Array, u: Array) -> Array:
         """Return dx/dt (..., n)."""

@@ -34,7 +34,8 @@ class _Sequence(ctypes.Structure):
     _fields_ = (
         ('length', _LONG), ('dt', _POINTER), ('parts', _POINTER), ('input', _POINTER),
         ('inputs', _POINTER), ('sensor', _POINTER), ('sensors', _POINTER), ('p', _POINTER),
-        ('max_step', _DOUBLE), ('arrive', _POINTER), ('x', _POINTER), ('P', _POINTER),
+        ('max_step', _DOUBLE), ('kept', _LONG), ('arrive', _POINTER), ('x', _POINTER),
+        ('P', _POINTER),
         ('F', _POINTER), ('Q', _POINTER), ('predicted', _POINTER), ('covariance', _POINTER),
         ('fused', _POINTER),
     )  # fmt: skip
@@ -54,6 +55,7 @@ def run(
     parts: Any,
     sensors: Sequence[Sensor],
     limits: Sequence[float],
+    kept: bool,
     most_read: int,
 ) -> StepMatrices | None:
     """Return the matrices of a pass; None if it is not possible in C, or fails.
@@ -70,6 +72,8 @@ def run(
         Parts into which each step is divided (S,).
     sensors, limits
         The sensors, and their largest normalised square of an innovation.
+    kept
+        Whether more is wanted than innovations, their covariances, and the belief at the end.
     most_read
         Most numbers of a reading.
     """
@@ -79,11 +83,11 @@ def run(
         return None
     if data.inputs.shape[1:] != model._c_shapes[1]:
         return None
-    kept: list[Any] = []
+    alive: list[Any] = []
 
     def at(values: Any, kind: Any = np.float64) -> int:
-        kept.append(np.ascontiguousarray(values, dtype=kind))
-        return int(kept[-1].ctypes.data)
+        alive.append(np.ascontiguousarray(values, dtype=kind))
+        return int(alive[-1].ctypes.data)
 
     structures, outputs = (_Sensor * len(sensors))(), []
     for structure, sensor, y, R, limit in zip(
@@ -92,9 +96,10 @@ def run(
         count, k = y.shape
         if k > most_read or k != sensor.output.size:
             return None
+        more = count if kept else 1  # matrices that are not kept need room for one
         found = ReadingMatrices(
-            *map(np.empty, ((count, k, n), (count, n, k), (count, k, k))),
-            *map(np.empty, ((count, k), (count, k, k), count, (count, k))),
+            *map(np.empty, ((more, k, n), (more, n, k), (count, k, k))),
+            *map(np.empty, ((count, k), (more, k, k), more, (more, k))),
         )
         functions = _functions(sensor, n)
         if functions is None:
@@ -107,23 +112,23 @@ def run(
         for name, values in found._asdict().items():
             setattr(structure, name, values.ctypes.data)
         outputs.append(found)
-    readings = int(np.count_nonzero(data.sensor >= 0))
     # one more, for a step to a reading that is not fused
-    F, Q, covariance = np.empty((3, readings + 1, n, n))
-    predicted, fused = np.empty((readings + 1, n)), np.zeros(length, dtype=bool)
+    steps = 1 + (int(np.count_nonzero(data.sensor >= 0)) if kept else 0)
+    F, Q, covariance = np.empty((3, steps, n, n))
+    predicted, fused = np.empty((steps, n)), np.zeros(length, dtype=bool)
+    after = x.copy(), P.copy()
     sequence = _Sequence(
         length, at(data.dt), at(parts, ctypes.c_long), at(data.input, ctypes.c_long),
         at(data.inputs), at(data.sensor, ctypes.c_long), ctypes.addressof(structures),
-        model._c_p, model.max_step, arrive,
-        at(x.copy()), at(P.copy()), *(each.ctypes.data for each in (F, Q, predicted, covariance)),
-        fused.ctypes.data,
+        model._c_p, model.max_step, kept, arrive,
+        *(each.ctypes.data for each in (*after, F, Q, predicted, covariance, fused)),
     )  # fmt: skip
     if getattr(model._c_library, 'pass')(ctypes.byref(sequence)) < length:
         return None
     counts = [int(np.count_nonzero(fused & (data.sensor == s))) for s in range(len(sensors))]
-    whole = int(np.count_nonzero(fused))
+    whole = int(np.count_nonzero(fused)) if kept else 0
     return StepMatrices(
-        F[:whole], Q[:whole], predicted[:whole], covariance[:whole], fused,
+        F[:whole], Q[:whole], predicted[:whole], covariance[:whole], after, fused,
         [
             ReadingMatrices(*(each[:count] for each in found))
             for found, count in zip(outputs, counts)

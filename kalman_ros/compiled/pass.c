@@ -29,8 +29,9 @@ struct sequence {
     struct sensor *sensors;
     const double *p;
     double max_step;
+    long kept;            /* 0 if of each reading only S, innovation and whether it is fused are */
     move *arrive;         /* 0 without rotations */
-    double *x, *P;        /* the belief */
+    double *x, *P;        /* the belief, at the end that after the last instant */
     double *F, *Q, *predicted, *covariance; /* of each reading that is fused */
     char *fused;
 };
@@ -132,12 +133,14 @@ INLINE int fused(const struct sequence *s, struct sensor *of)
     }
     if (square > of->limit)
         return 0;
-    memcpy(of->H, H, k * N * sizeof *H), of->H += k * N;
-    memcpy(of->K, K, k * N * sizeof *K), of->K += k * N;
     memcpy(of->S, S, k * k * sizeof *S), of->S += k * k;
     memcpy(of->innovation, e, k * sizeof *e), of->innovation += k;
-    of->white += k * k, of->whitened += k;
-    *of->log++ = log_size + (double)k * log(2 * acos(-1.0));
+    if (s->kept) {
+        memcpy(of->H, H, k * N * sizeof *H), of->H += k * N;
+        memcpy(of->K, K, k * N * sizeof *K), of->K += k * N;
+        of->white += k * k, of->whitened += k;
+        *of->log++ = log_size + (double)k * log(2 * acos(-1.0));
+    }
     if (s->arrive) {
         memcpy(turned, mean, N * sizeof *mean);
         memcpy(turned + N, s->x, N * sizeof *mean);
@@ -177,7 +180,8 @@ FAST long pass(const struct sequence *s)
         if (outcome) {
             s->fused[at] = 1;
             steps = 0;
-            F += N * N, Q += N * N, x += N, P += N * N;
+            if (s->kept)
+                F += N * N, Q += N * N, x += N, P += N * N;
         }
     }
     return s->length;

@@ -141,6 +141,7 @@ class Dynamics(ABC):
         parts: Any,
         sensors: Sequence[Any],
         limits: Sequence[float],
+        kept: bool = True,
     ) -> StepMatrices | None:
         """Return the matrices of an extended Kalman filter that processes data in order.
 
@@ -156,6 +157,8 @@ class Dynamics(ABC):
             Parts into which each step is divided (S,).
         sensors, limits
             The sensors, and the largest NIS at which a reading of each is fused.
+        kept
+            Whether more is wanted than innovations, their covariances and the belief at the end.
         """
         return None
 

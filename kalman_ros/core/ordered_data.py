@@ -65,6 +65,8 @@ class StepMatrices(NamedTuple):
         Transitions from one reading to the next (E, n, n), and their noise covariances.
     x, P
         Predictions (E, n) and their covariances (E, n, n).
+    after
+        Mean (n,) and covariance (n, n) after the last instant.
     fused
         Whether an instant is that of a reading that is fused (S,).
     readings
@@ -75,5 +77,6 @@ class StepMatrices(NamedTuple):
     Q: Array
     x: Array
     P: Array
+    after: tuple[Array, Array]
     fused: Any
     readings: Sequence[ReadingMatrices]

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -32,7 +32,7 @@ class Body:
     wz, the velocity and the angular rate along the axes of the body; ax, ay, az.
     """
 
-    index: dict[str, int]
+    index: dict[str, int] = field(hash=False)
 
     @property
     def position(self) -> tuple[str, ...]:
@@ -69,9 +69,9 @@ class Body:
 def body_of(state: Space, signal: Signal) -> Body:
     """Return the body of a state, by the fields of its message and then by its names."""
     found: dict[str, int] = {}
-    for index, (name, field) in enumerate(zip(state.names, signal.fields)):
-        role = next((role for end, role in _FIELDS.items() if field.endswith(end)), '')
-        if not role and _NAMED.fullmatch(field):
+    for index, (name, path) in enumerate(zip(state.names, signal.fields)):
+        role = next((role for end, role in _FIELDS.items() if path.endswith(end)), '')
+        if not role and _NAMED.fullmatch(path):
             role = _NAMES.get(name, name)
         if role:
             found.setdefault(role, index)

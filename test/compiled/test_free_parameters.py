@@ -9,8 +9,11 @@ import pytest
 pytest.importorskip('casadi')
 
 import kalman_ros as kr
+from kalman_ros import scenario
 from kalman_ros.compiled import attempt, native
 from kalman_ros.compiled.free_parameters import Parameters, freed
+from kalman_ros.scenario import shipped
+from kalman_ros.scenario.parameter_files import from_file
 
 
 def pendulum(gravity, damping=0.1, function=np.sin):
@@ -91,6 +94,18 @@ def test_functions_that_differ_in_numbers_have_the_same_formulas(build, monkeypa
         with pytest.raises(OSError):
             native.native_model(model)
     assert texts[0] == texts[1]
+
+
+@pytest.mark.parametrize('name', ['robot_3d', 'navsat', 'gnss_imu', 'inertial', 'submersible'])
+def test_parts_of_shipped_scenarios_compare_equal_when_built_again(name):
+    values = from_file(shipped.file(name), 'estimator')
+    one, other = (scenario.build(values, with_law=False).believed for _ in range(2))
+    for each, again in [
+        (one.model, other.model),
+        *zip(one.sensors.values(), other.sensors.values()),
+    ]:
+        assert Parameters(each).comparable, each
+        assert Parameters(each) == Parameters(again)
 
 
 def test_functions_that_compute_otherwise_have_others():

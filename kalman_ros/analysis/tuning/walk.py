@@ -16,10 +16,11 @@ from kalman_ros.estimators.policy import Policy
 from kalman_ros.estimators.start import likeliest, match_reading, rested
 
 from .candidate import Candidate, Part, candidate_filter
+from .compiled_steps import CompiledSteps
 from .earlier import SAFE, Earlier, corrected
 from .observations import Event, Observations, Stamps
 
-#: Innovations are released in blocks of this number of readings.
+#: Innovations are released in blocks of this number of readings and inputs.
 _BLOCK = 2000
 
 
@@ -121,9 +122,12 @@ class Walk:
         ]
         self._sensors_by_key: dict[tuple[int, bool, bytes, bytes], Sensor] = {}
         self._rejections = [0] * len(self._names)
+        plain = not (any(self._gates) or any(self._earlier)) and CompiledSteps.suit(candidates)
+        self._compiled = CompiledSteps(observations, candidates) if plain else None
         self._belief = self._initial_belief()
         self._started: set[int] = set()
-        self._corrected = 0
+        self._corrected = self._now = 0
+        self._input, self._moving = conditions.input, True
 
     def _width(self, name: str) -> int:
         return int(self._observations.readings[name].value.shape[1])
@@ -144,38 +148,83 @@ class Walk:
             If the filter of a candidate fails.
         """
         events = self._observations.events(self._candidates[0].delays, until)
-        collected: _Collected = {}
-        policy, u = self._conditions.policy, self._conditions.input
-        moving = not policy.rest_until_input or not len(self._observations.input_stamp)
-        longest = round(policy.max_gap * 1e9) or np.inf
+        policy, self._input = self._conditions.policy, self._conditions.input
+        self._moving = not policy.rest_until_input or not len(self._observations.input_stamp)
         # an initial belief that does not begin with a reading holds from the first stamp on, for
         # any delay: if it moved with the delays, they would be as uncertain as the belief
-        now = self._observations.first if events else 0
+        self._now = self._observations.first if events else 0
         if events and policy.from_reading:
-            now = events[0].time
-        self._corrected, taken = now, 0
+            self._now = events[0].time
+        self._corrected = self._now
+        for first in range(0, len(events), _BLOCK):
+            if first and progress is not None:
+                progress(first / len(events))
+            some = events[first : first + _BLOCK]
+            yield from self._process_at_once(some) or self._process_in_turn(some)
+
+    def _process_at_once(self, events: Sequence[Event]) -> list[Block] | None:
+        """Return the blocks of events that need nothing but steps in C; None if they do."""
+        policy, longest = self._conditions.policy, self._longest
+        starts = (policy.from_reading or policy.from_rest) and len(self._started) < len(
+            self._names
+        )
+        if (
+            self._compiled is None
+            or starts
+            or not self._moving
+            or isinstance(self._belief, Diffuse)
+        ):
+            return None
+        columns = np.array(events, dtype=np.int64)
+        if np.diff(columns[:, 0], prepend=self._now).max() > longest:
+            return None
+        found = self._compiled(self._belief, self._now, columns, self._input)
+        if found is None:
+            return None
+        self._belief, readings = found
+        self._now = self._corrected = max(self._now, events[-1].time)
+        acting = columns[columns[:, 1] == len(self._names), 2]
+        if len(acting):
+            self._input = self._observations.input[acting[-1]]
+        return [
+            Block(
+                self._names[each.order],
+                self._candidates[0].sensors[self._names[each.order]].output,
+                each.time,
+                each.innovation,
+                each.S,
+                np.ones(each.innovation.shape[:2], dtype=bool),
+            )
+            for each in readings
+        ]
+
+    @property
+    def _longest(self) -> float:
+        """Length in nanoseconds of the longest gap over which a belief is kept."""
+        return round(self._conditions.policy.max_gap * 1e9) or np.inf
+
+    def _process_in_turn(self, events: Sequence[Event]) -> Iterator[Block]:
+        """Yield the blocks of events."""
+        collected: _Collected = {}
+        policy, longest = self._conditions.policy, self._longest
         for event in events:
-            if event.time > now:
-                if event.time - now > longest:
+            if event.time > self._now:
+                if event.time - self._now > longest:
                     self._belief = self._initial_belief()
                     self._started.clear()
-                elif moving:
-                    self._belief = self._filter.predict(self._belief, u, (event.time - now) * 1e-9)
-                now = event.time
+                elif self._moving:
+                    dt = (event.time - self._now) * 1e-9
+                    self._belief = self._filter.predict(self._belief, self._input, dt)
+                self._now = event.time
             if event.order == len(self._names):
-                if policy.from_rest and u is self._conditions.input:
+                if policy.from_rest and self._input is self._conditions.input:
                     self._rest(self._observations.input[event.row])
-                u, moving = self._observations.input[event.row], True
+                self._input, self._moving = self._observations.input[event.row], True
                 continue
             # readings from before the initial belief correct it, too
-            key, results = self._process_reading(event, u, (now - event.time) * 1e-9)
+            delay = (self._now - event.time) * 1e-9
+            key, results = self._process_reading(event, self._input, delay)
             collected.setdefault(key, []).append((event.time, *results))
-            taken += 1
-            if taken % _BLOCK == 0:
-                if progress is not None:
-                    progress(taken / len(events))
-                yield from self._release_blocks(collected)
-                collected = {}
         yield from self._release_blocks(collected)
 
     def _process_reading(

@@ -15,7 +15,7 @@ from kalman_ros.simulation.batch_plant import BatchPlant
 from .benchmark import Benchmark
 
 #: Seconds that a fit may take.
-_MOST = 10.0
+_MOST = 2.0
 _SECONDS = 60.0
 #: What is fitted, and where the fit begins instead of at the truth.
 _FIT = ('friction', 'pole_mass', 'length', 'force_noise', 'joint_states.noise')

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The steps of a walk through plain readings, each candidate's filter by one call into C."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from kalman_ros.core import Array, Gaussian, unchecked
+from kalman_ros.core.ordered_data import OrderedData
+from kalman_ros.estimators.filters.ekf import ExtendedKalmanFilter
+from kalman_ros.estimators.plan import parts
+
+from .candidate import Candidate
+from .observations import Observations, Stamps
+
+
+class Fused(NamedTuple):
+    """N readings of a sensor: ``time`` (N,), ``innovation`` (N, p, k) and their ``S``."""
+
+    order: int
+    time: Stamps
+    innovation: Array
+    S: Array
+
+
+class CompiledSteps:
+    """The extended filters of p candidates without gates and delays, in C.
+
+    Parameters
+    ----------
+    observations
+        Recording.
+    candidates
+        Candidates.
+    """
+
+    def __init__(self, observations: Observations, candidates: Sequence[Candidate]) -> None:
+        self._observations, self._candidates = observations, candidates
+        self._names = list(observations.readings)
+
+    @staticmethod
+    def suit(candidates: Sequence[Candidate]) -> bool:
+        """Return whether the filters are of the kind that has these steps."""
+        return all(
+            type(each.filter) is ExtendedKalmanFilter
+            and getattr(each.model, 'arithmetic', '') == 'C'
+            for each in candidates
+        )
+
+    def __call__(
+        self, belief: Gaussian, now: int, events: Any, u: Array
+    ) -> tuple[Gaussian, list[Fused]] | None:
+        """Return the beliefs (p, n) after events, and what was read.
+
+        None where a reading lacks a number, or a step fails.
+
+        Parameters
+        ----------
+        belief, now
+            Beliefs, and their time in nanoseconds.
+        events
+            Time, order and row (S, 3), as of `Event`.
+        u
+            Input that acts until the first one among the events.
+        """
+        time, order, row = events.T
+        rows = [row[order == index] for index in range(len(self._names))]
+        every = [*self._observations.readings.values()]
+        if any(not np.isfinite(each.value[at]).all() for each, at in zip(every, rows)):
+            return None
+        sensor = np.where(order == len(rows), -1, order)
+        begun = np.cumsum(sensor < 0)
+        dt = np.diff(np.maximum.accumulate(np.concatenate(([now], time)))) * 1e-9
+        inputs = np.vstack((u, self._observations.input[row[sensor < 0]]))
+        lengths, which = np.unique(dt, return_inverse=True)
+        means, covariances, found = [], [], []
+        for p, candidate in enumerate(self._candidates):
+            data = OrderedData(
+                time * 1e-9, dt, inputs, begun - (sensor < 0), sensor, row,
+                *zip(*map(self._readings, [candidate] * len(rows), self._names, rows)),
+            )  # fmt: skip
+            steps = candidate.model.filter_pass(
+                (belief.mean[p], belief.covariance[p]),
+                data,
+                np.array([parts(candidate.model, each) for each in lengths.tolist()])[which],
+                [candidate.sensors[name] for name in self._names],
+                [np.inf] * len(rows),
+                kept=False,
+            )
+            if steps is None:
+                return None
+            means.append(steps.after[0])
+            covariances.append(steps.after[1])
+            found.append(steps.readings)
+        fused = [
+            Fused(
+                index,
+                time[order == index],
+                np.stack([each[index].innovation for each in found], axis=1),
+                np.stack([each[index].S for each in found], axis=1),
+            )
+            for index, at in enumerate(rows)
+            if len(at)
+        ]
+        return unchecked((np.stack(means), np.stack(covariances))), fused
+
+    def _readings(self, candidate: Candidate, name: str, rows: Any) -> tuple[Array, Array]:
+        """Return the readings (N, k) of a sensor and their covariances (N, k, k)."""
+        readings = self._observations.readings[name]
+        y = readings.value[rows]
+        R = (
+            candidate.sensors[name].covariance
+            if readings.covariance is None
+            else readings.covariance[rows]
+        )
+        return y - candidate.biases.get(name, 0.0), np.broadcast_to(R, (*y.shape, y.shape[1]))
