@@ -22,7 +22,7 @@ from pathlib import Path
 from threading import Event, Lock
 from time import time
 
-_FLAGS = ('-O3', '-ffp-contract=off', '-fPIC', '-shared', '-w')
+_FLAGS = ('-O3', '-ffp-contract=off', '-fPIC', '-shared', '-w', '-Wno-psabi')
 #: A compiler that takes longer, in seconds, is given up.
 _PATIENCE = 60.0
 #: Its version is known within this many seconds.

@@ -11,22 +11,66 @@ int linearized_step(double *v, double dt, double max_step, const double *p)
     return linearize(v, u, dt, max_step, p, moved, moved + N, moved + N + N * N);
 }
 
+/* `flow` of LANES members at once; 0 where one is not that simple. */
+FAST static int flows(const double *x, const double *u, double dt, const double **p, double *F,
+                      double *Q, int with_F)
+{
+    lanes a[A_COUNT + 1], w[W_COUNT + 1], all_F[N * N], all_Q[N * N];
+    for (int l = 0; l < LANES; l++) {
+        double one[A_COUNT + 1], noise[W_COUNT + 1];
+        jacobian(x + l * N, u + l * M, p[l], one);
+        density(x + l * N, p[l], noise);
+        if (halvings_of(one, dt))
+            return 0;
+        for (int k = 0; k < A_COUNT; k++)
+            LANE(a[k], l) = one[k] * dt;
+        for (int k = 0; k < W_COUNT; k++)
+            LANE(w[k], l) = noise[k] * dt;
+    }
+    series_of_lanes(a, w, with_F, all_F, all_Q);
+    for (int l = 0; l < LANES; l++, F += N * N, Q += N * N) {
+        for (int i = 0; i < N * N; i++)
+            F[i] = LANE(all_F[i], l), Q[i] = LANE(all_Q[i], l);
+        if (!all_finite(Q))
+            return 0;
+    }
+    return 1;
+}
+
+/* `linearize` of some members, at most LANES; what fails is NaN. */
+INLINE void linearize_some(int some, const double *x, const double *u, double dt, double max_step,
+                           const double **p, double *moved, double *F, double *Q)
+{
+    const int known = some == LANES && flows(x, u, dt, p, F, Q, F_BY_FLOW);
+    for (int l = 0; l < some; l++, x += N, u += M, moved += N, F += N * N, Q += N * N) {
+        if (known)
+            step_once(x, u, dt, max_step, p[l], moved, F);
+        else if (linearize(x, u, dt, max_step, p[l], moved, F, Q))
+            for (int i = 0; i < N * N; i++)
+                F[i] = Q[i] = NAN;
+    }
+}
+
 /* The following do the same of count members, each with the next of sets of numbers, COUNT in each:
  * v holds an x and a u of each member, first all x, and receives the results in the same way.
  */
-#define EACH(k, count) \
-    for (long k = 0; k < count; k++, x += N, u += M, p = k % sets ? p + COUNT : first)
+#define SOME(k, count) \
+    for (long k = 0, some; some = count - k < LANES ? count - k : LANES, k < count; \
+         k += some, x += some * N, u += some * M)
+#define NUMBERS(k) \
+    const double *p[LANES]; \
+    for (long l = 0; l < some; l++) \
+        p[l] = first + (k + l) % sets * COUNT
 
 void linearized_steps(double *v, long count, double dt, double max_step, const double *first,
                       long sets)
 {
-    const double *x = v, *u = x + count * N, *p = first;
+    const double *x = v, *u = x + count * N;
     double *moved = v + count * (N + M), *F = moved + count * N, *Q = F + count * N * N;
-    EACH(k, count) {
-        if (linearize(x, u, dt, max_step, p, moved, F, Q))
-            for (int i = 0; i < N * N; i++)
-                F[i] = Q[i] = NAN;
-        moved += N, F += N * N, Q += N * N;
+    SOME(k, count) {
+        NUMBERS(k);
+        linearize_some(some, x, u, dt, max_step, p, moved, F, Q);
+        moved += some * N, F += some * N * N, Q += some * N * N;
     }
 }
 
@@ -62,20 +106,21 @@ INLINE void sandwiched(const double *F, const double *P, const double *Q, double
 FAST void predictions(double *v, long count, double dt, double max_step, long number,
                       const double *first, long sets)
 {
-    const double *x = v, *u = x + count * N, *p = first, *P = u + count * M;
+    const double *x = v, *u = x + count * N, *P = u + count * M;
     double *moved = v + count * (N + M + N * N), *out = moved + count * N;
-    double F[N * N], Q[N * N], after[N * N];
-    EACH(k, count) {
+    double F[LANES * N * N], Q[LANES * N * N], after[N * N], next[LANES * N];
+    SOME(k, count) {
         const double *from = x, *before = P;
-        int failed = 0;
+        NUMBERS(k);
         for (long step = 0; step < number; step++, from = moved, before = out) {
-            failed |= linearize(from, u, dt, max_step, p, moved, F, Q);
-            sandwiched(F, before, Q, after);
-            memcpy(out, after, sizeof after);
+            linearize_some(some, from, u, dt, max_step, p, next, F, Q);
+            memcpy(moved, next, some * N * sizeof *next);
+            for (long l = 0; l < some; l++) {
+                sandwiched(F + l * N * N, before + l * N * N, Q + l * N * N, after);
+                memcpy(out + l * N * N, after, sizeof after);
+            }
         }
-        for (int i = 0; i < N * N && failed; i++)
-            out[i] = NAN;
-        moved += N, P += N * N, out += N * N;
+        moved += some * N, P += some * N * N, out += some * N * N;
     }
 }
 
@@ -190,15 +235,20 @@ FAST void corrections(double *v, long count, long k)
 /* here v receives the Q of a step alone */
 void noises(double *v, long count, double dt, const double *first, long sets)
 {
-    const double *x = v, *u = x + count * N, *p = first;
-    double *Q = v + count * (N + M), F[N * N];
-    EACH(k, count) {
-        if (flow(x, u, dt, p, F, Q, 0))
-            for (int i = 0; i < N * N; i++)
-                Q[i] = NAN;
-        Q += N * N;
+    const double *x = v, *u = x + count * N;
+    double *Q = v + count * (N + M), F[LANES * N * N];
+    SOME(k, count) {
+        NUMBERS(k);
+        const int known = some == LANES && flows(x, u, dt, p, F, Q, 0);
+        for (long l = 0; l < some; l++, Q += N * N)
+            if (!known && flow(x + l * N, u + l * M, dt, p[l], F, Q, 0))
+                for (int i = 0; i < N * N; i++)
+                    Q[i] = NAN;
     }
 }
+
+#define EACH(k, count) \
+    for (long k = 0; k < count; k++, x += N, u += M, p = k % sets ? p + COUNT : first)
 
 void steps(double *v, long count, double dt, double max_step, const double *first, long sets)
 {

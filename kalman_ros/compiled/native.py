@@ -30,7 +30,7 @@ from .source import source
 _address: Callable[[Any], int] = ctypes.addressof
 _memory: Callable[[Any], Any] = ctypes.c_char.from_buffer
 _POINTER, _NUMBER = ctypes.c_void_p, ctypes.c_double
-_STEPS = 'flow.c', 'step.c', 'members.c', 'pass.c'
+_STEPS = 'series.c', 'flow.c', 'step.c', 'lanes.c', 'series.c', 'members.c', 'pass.c'
 #: Most numbers of a reading for which C corrects many members.
 MOST_READ = 12
 

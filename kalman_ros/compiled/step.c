@@ -35,18 +35,25 @@ static void advance(const real *x, const real *u, real dt, real max_step,
     wrap(last, moved);
 }
 
+#ifdef SLOPE
+#define F_BY_FLOW 0
+#else
+#define F_BY_FLOW 1
+#endif
+
+/* The step, and its F unless that is of the flow. */
+static void step_once(const real *x, const real *u, real dt, real max_step, const real *p,
+                      real *moved, real *F)
+{
+    for (int i = 0; i < N * N && !F_BY_FLOW; i++)
+        F[i] = i % (N + 1) == 0;
+    advance(x, u, dt, max_step, p, moved, F_BY_FLOW ? 0 : F);
+}
+
 static int linearize(const real *x, const real *u, real dt, real max_step,
                      const real *p, real *moved, real *F, real *Q)
 {
-#ifdef SLOPE
-    int outcome = flow(x, u, dt, p, F, Q, 0);
-    memset(F, 0, N * N * sizeof *F);
-    for (int i = 0; i < N; i++)
-        F[i * N + i] = 1;
-    advance(x, u, dt, max_step, p, moved, F);
-#else
-    int outcome = flow(x, u, dt, p, F, Q, 1);
-    advance(x, u, dt, max_step, p, moved, 0);
-#endif
+    const int outcome = flow(x, u, dt, p, F, Q, F_BY_FLOW);
+    step_once(x, u, dt, max_step, p, moved, F);
     return outcome;
 }

@@ -53,6 +53,7 @@ def _continuous(model: Any) -> list[str]:
         constant('density', density, 'xp'),
         constant_places('A', whole),
         constant_places('W', density),
+        shared('series.c'),
         shared('flow.c'),
         text('sample.c'),
     ]
@@ -78,4 +79,5 @@ def _nonlinear(model: Any) -> list[str]:
     for key, name, formula, arguments in sparse:
         texts.append(function(name, formula, [*arguments], by_rows=True, dense=False))
         texts.append(places(key, formula.result))
-    return [*texts, shared('flow.c'), shared('step.c'), text('nonlinear_model.c')]
+    shared_texts = map(shared, ('series.c', 'flow.c', 'step.c'))
+    return [*texts, *shared_texts, text('nonlinear_model.c')]
