@@ -124,6 +124,37 @@ FAST void predictions(double *v, long count, double dt, double max_step, long nu
     }
 }
 
+/* P becomes its factor, lower triangular, with zeros for columns whose pivot is at most a tolerance
+ * of its variance; where that is NaN, with NaN for those without a positive pivot */
+INLINE void factorise(double *P, double tolerance)
+{
+    for (int j = 0; j < N; j++) {
+        double pivot = P[j * N + j];
+        const double least = isnan(tolerance) ? 0 : tolerance * pivot;
+        for (int l = 0; l < j; l++)
+            pivot -= P[j * N + l] * P[j * N + l];
+        const int good = pivot > least;
+        const double scale = good ? 1 / sqrt(pivot) : isnan(tolerance) ? NAN : 0;
+        P[j * N + j] = pivot * scale;
+        for (int i = j + 1; i < N; i++) {
+            double sum = P[i * N + j];
+            for (int l = 0; l < j; l++)
+                sum -= P[i * N + l] * P[j * N + l];
+            P[i * N + j] = sum * scale;
+            P[j * N + i] = 0;
+        }
+    }
+}
+
+/* v holds a covariance of each of count members, and receives their factors */
+void factors(double *v, long count)
+{
+    double *L = v + count * N * N;
+    memcpy(L, v, count * N * N * sizeof *v);
+    for (long k = 0; k < count; k++)
+        factorise(L + k * N * N, NAN);
+}
+
 /* S of k rows becomes its factor L; 0 where it is not positive definite */
 INLINE int factored(double *S, long k)
 {
@@ -249,6 +280,29 @@ void noises(double *v, long count, double dt, const double *first, long sets)
 
 #define EACH(k, count) \
     for (long k = 0; k < count; k++, x += N, u += M, p = k % sets ? p + COUNT : first)
+
+/* here v holds standard normal numbers of each member, too, and receives x' with the noise of these */
+void noisy_steps(double *v, long count, double dt, double max_step, const double *first, long sets)
+{
+    const double *x = v, *u = x + count * N, *normal = u + count * M;
+    double *moved = v + count * (N + M + N);
+    double F[LANES * N * N], Q[LANES * N * N], total[N];
+    SOME(k, count) {
+        NUMBERS(k);
+        const int known = some == LANES && flows(x, u, dt, p, F, Q, 0);
+        for (long l = 0; l < some; l++, normal += N, moved += N) {
+            double *L = Q + l * N * N;
+            if (!known && flow(x + l * N, u + l * M, dt, p[l], F, L, 0))
+                L[0] = NAN;
+            factorise(L, 1e-12);
+            advance(x + l * N, u + l * M, dt, max_step, p[l], total, 0);
+            for (int i = 0; i < N; i++)
+                for (int j = 0; j <= i; j++)
+                    total[i] += L[i * N + j] * normal[j];
+            wrap(total, moved);
+        }
+    }
+}
 
 void steps(double *v, long count, double dt, double max_step, const double *first, long sets)
 {

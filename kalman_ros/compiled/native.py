@@ -158,6 +158,26 @@ class NativeModel(_Numbered, Model):
         mean, covariance, K, S = results
         return mean, covariance, K, S
 
+    def noisy_step(self, x: Array, u: Array, dt: float, normal: Array) -> Array:
+        """Return the states (..., n) after a step with the noise of standard normal numbers."""
+        found = None
+        if x.ndim > 1 and not self.state.rotations:
+            step, n = self._c_library.noisy_steps, x.shape[-1]
+            found = self._c_called(step, x, like(u, x), n, dt, self.max_step, behind=normal)
+        if found is None or not is_finite(found):
+            return super().noisy_step(x, u, dt, normal)
+        return found.reshape(x.shape)
+
+    def factor(self, P: Array) -> Array:
+        """Return L with L L' = P (..., n, n), NaN where P is not positive definite."""
+        (n,) = self._c_shapes[0]
+        if P.ndim == 2 or P.shape[-1] != n:
+            return super().factor(P)
+        v = np.empty(2 * P.size + 1)
+        v[: P.size] = P.ravel()
+        self._c_library.factors(_address(_memory(v)), P.size // (n * n))
+        return v[P.size : -1].reshape(P.shape)
+
     def filter_pass(
         self,
         belief: tuple[Array, Array],
@@ -338,6 +358,8 @@ def native_model(model: Model, *, wait: bool = True) -> Model:
     library.linearized_step.restype = ctypes.c_int
     _declare(library.rates)
     _declare(library.steps, _NUMBER, _NUMBER)
+    _declare(library.noisy_steps, _NUMBER, _NUMBER)
+    library.factors.argtypes, library.factors.restype = [_POINTER, ctypes.c_long], None
     _declare(library.noises, _NUMBER)
     _declare(library.linearized_steps, _NUMBER, _NUMBER)
     _declare(library.predictions, _NUMBER, _NUMBER, ctypes.c_long)

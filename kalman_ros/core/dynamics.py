@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from kalman_ros.linear.batched import factor, semidefinite_factor, times
 from kalman_ros.linear.kernels import corrected_moments, kernels
 from kalman_ros.linear.matrices import Array
 
@@ -134,6 +135,11 @@ class Dynamics(ABC):
             P = kernels(x).sandwich(F, P, Q)
         return x, P
 
+    def noisy_step(self, x: Array, u: Array, dt: float, normal: Array) -> Array:
+        """Return the states (..., n) after a step with the noise of standard normal numbers."""
+        L = semidefinite_factor(self.step_noise(x, u, dt))
+        return self.state.add(self.step(x, u, dt), times(L, normal))
+
     def filter_pass(
         self,
         belief: tuple[Array, Array],
@@ -164,6 +170,8 @@ class Dynamics(ABC):
 
     #: The mean and covariance after a reading, for any leading axes.
     corrected_moments = staticmethod(corrected_moments)
+    #: L with L L' = P (..., n, n), NaN where P is not positive definite.
+    factor = staticmethod(factor)
 
     def step_noise(self, x: Array, u: Array, dt: float) -> Array:
         """Return the Q of `linearized_step`."""

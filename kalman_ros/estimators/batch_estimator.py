@@ -13,7 +13,7 @@ import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Sensor, chosen, is_finite, unchecked
 from kalman_ros.core.stacked import stacked_sensor
-from kalman_ros.linear.batched import factor, squared, times, whitened
+from kalman_ros.linear.batched import squared, times, whitened
 
 from .batch_records import NEVER, BatchRecords, Mask
 from .filter import Correction, Filter, committed
@@ -89,6 +89,8 @@ class BatchEstimator:
         mean = np.broadcast_to(initial.mean, (*members, initial.mean.shape[-1]))
         #: Beliefs at `time`; a covariance that all members share is (n, n).
         self.belief = unchecked((_by_coordinate(mean), initial.covariance))
+        #: A covariance and its factor.
+        self._factored: tuple[Array | None, Array] = None, initial.covariance
         #: Time of the beliefs in nanoseconds; None before the first `advance`.
         self.time: int | None = None
         #: Numbers of fused and of rejected readings, by sensor and member.
@@ -183,7 +185,8 @@ class BatchEstimator:
                 return times(self.schedule.whitening(P), error)
             except np.linalg.LinAlgError:
                 pass
-        return whitened(factor(P), error)
+        known, L = self._factored
+        return whitened(L if known is P else self._filter.model.factor(P), error)
 
     def _predicted_as_scheduled(self, dt: float) -> Gaussian | None:
         """Return the beliefs after ``dt`` seconds if they share a covariance, else None."""
@@ -241,8 +244,10 @@ class BatchEstimator:
     def _committed(self, belief: Gaussian, selected: Mask) -> tuple[Gaussian, Mask]:
         """Return repaired beliefs, and the mask of ``selected`` ones that cannot be repaired."""
         x, P = belief
-        known = factor(P) if belief.factor is None else belief.factor
-        definite = np.isfinite(known).all(axis=(-2, -1))
+        known = self._filter.model.factor(P) if belief.factor is None else belief.factor
+        self._factored = P, known
+        # a pivot that is no number makes the rest of the diagonal none
+        definite = np.isfinite(known[..., -1, -1])
         bad = selected & ~(np.isfinite(np.einsum('...i,...i->...', x, x)) & definite)
         if not bad.any():
             return belief, bad

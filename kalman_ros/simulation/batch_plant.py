@@ -154,10 +154,13 @@ class BatchPlant:
         """
         x = self.state
         noise = self._process_noise.draw()
-        if not self.model.is_linear:
-            Q = self._stacked.step_noise(x, u, self.dt)
-            noise = times(semidefinite_factor(Q), noise)
-        moved = self.model.state.add(self._propagate(x, u), noise)
+        if self._input is None and not self.model.is_linear:
+            moved = self._stacked.noisy_step(x, u, self.dt, noise)
+        else:
+            if not self.model.is_linear:
+                Q = self._stacked.step_noise(x, u, self.dt)
+                noise = times(semidefinite_factor(Q), noise)
+            moved = self.model.state.add(self._propagate(x, u), noise)
         if not is_finite(moved):
             # as in a single run, a state whose square is not finite stays where it is
             moving = np.isfinite(np.einsum('ij,ij->i', x, x))

@@ -12,6 +12,7 @@ from kalman_ros import scenario
 from kalman_ros.core import DiscreteLinearSystem, DiscreteModel, LinearSystem, Model, Sensor, Space
 from kalman_ros.core import rotations as so3
 from kalman_ros.core.stacked import stacked
+from kalman_ros.linear import batched
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import from_file
 from kalman_ros.sensors.euler import Euler
@@ -135,12 +136,75 @@ def test_the_noise_alone_is_that_of_the_whole_step(name):
     if isinstance(model, LinearSystem):
         pytest.skip('the model is linear')
     fast, (x, u) = stacked(compiled(model)), points(model)
-    x[1] = 1e200
+    x, u = (np.tile(each, (4, 1)) for each in (x, u))  # several members in one register
+    x[[1, 9]] = 1e200
     for dt in (1e-6, 0.013, 3.0):
         with np.errstate(over='ignore'):
             found, whole = fast.step_noise(x, u, dt), fast.linearized_step(x, u, dt).Q
         assert np.array_equal(found, whole, equal_nan=True)
         assert np.isfinite(found[0]).all()
+
+
+@C
+@pytest.mark.parametrize('dt', [0.013, 2.0])
+@pytest.mark.parametrize('name', mostly_thorough(NONLINEAR, 'robot_3d', 'cart_pole'))
+def test_members_in_one_register_are_those_one_by_one(name, dt):
+    model = believed(name).model
+    if isinstance(model, LinearSystem):
+        pytest.skip('the model is linear')
+    fast, (x, u) = stacked(compiled(model)), points(model)
+    x, u = (np.tile(each, (4, 1)) for each in (x, u))
+    x += 0.01 * np.random.default_rng(5).standard_normal(x.shape)
+    P = np.broadcast_to(0.1 * np.eye(x.shape[1]), (*x.shape, x.shape[1]))
+    for at_once, one_by_one in (
+        (fast.linearized_step(x, u, dt), [fast.linearized_step(*at, dt) for at in zip(x, u)]),
+        (
+            fast.predicted_moments(x, P, u, dt, 2),
+            [fast.predicted_moments(*at, dt, 2) for at in zip(x, P, u)],
+        ),
+    ):
+        for together, alone in zip(at_once, zip(*one_by_one)):
+            assert_same(together, np.stack(alone))
+
+
+@C
+@pytest.mark.parametrize('name', mostly_thorough(NONLINEAR, 'robot_3d', 'cart_pole'))
+def test_noise_disturbs_a_step_by_its_covariance(name):
+    model = believed(name).model
+    if isinstance(model, LinearSystem):
+        pytest.skip('the model is linear')
+    fast, (x, u) = stacked(compiled(model)), points(model)
+    n, dt = x.shape[1], 0.013
+    for at, input in zip(x, u):
+        normal = np.vstack((np.zeros(n), np.eye(n)))
+        found = fast.noisy_step(np.tile(at, (n + 1, 1)), np.tile(input, (n + 1, 1)), dt, normal)
+        assert_same(found[0], model.step(at, input, dt))
+        moved = model.state.subtract(found[1:], found[:1])
+        Q = model.noise_covariance(at, input, dt)
+        scale = np.sqrt(Q.diagonal())
+        scale[scale == 0.0] = np.inf
+        relative = (moved.T @ moved - Q) / np.outer(scale, scale)
+        assert np.abs(relative).max() < 1e-9
+    lost = x.copy()
+    lost[1] = np.nan
+    with np.errstate(all='ignore'):
+        found = fast.noisy_step(lost, u, dt, np.zeros(x.shape))
+    assert np.isnan(found[1]).any()
+    assert_same(found[0], model.step(x[0], u[0], dt))
+
+
+@C
+def test_factors_of_many_members_are_those_of_numpy():
+    model, rng = compiled(believed('cart_pole').model), np.random.default_rng(8)
+    root = rng.standard_normal((5, 3, 4, 4))
+    P = root @ root.swapaxes(-1, -2)
+    P[0, 0], P[1, 1], P[2, 0, 3, 1], P[4, 2] = 0.0, -P[1, 1], np.nan, np.inf
+    with np.errstate(all='ignore'):
+        found, expected = model.factor(P), batched.factor(P)
+    lost = ~np.isfinite(expected).all(axis=(-2, -1))
+    assert lost.sum() == 4
+    assert np.array_equal(lost, ~np.isfinite(found[..., -1, -1]))
+    assert_same(found[~lost], expected[~lost])
 
 
 @C

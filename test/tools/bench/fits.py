@@ -13,8 +13,9 @@ import kalman_ros as kr
 from kalman_ros.simulation.batch_plant import BatchPlant
 
 from .benchmark import Benchmark
+from .filters import second
 
-#: Seconds that a fit may take.
+#: Seconds that a fit may take, elapsed.
 _MOST = 2.0
 _SECONDS = 60.0
 #: What is fitted, and where the fit begins instead of at the truth.
@@ -34,7 +35,7 @@ _STARTS = {
 @contextmanager
 def benchmarks() -> Iterator[list[Benchmark]]:
     """Yield the benchmark, of elapsed time."""
-    what = f'a minute of the cart-pole, 6 parameters / {_MOST:g} s'
+    what = 'a fit of 6 parameters to a minute of the cart-pole / 87,000 EKF steps of filterpy'
     times, y, u = _recording()
 
     def ours() -> float:
@@ -46,7 +47,7 @@ def benchmarks() -> Iterator[list[Benchmark]]:
         assert found.converged
         return time.perf_counter() - start
 
-    yield [Benchmark(what, 1.0, ours, lambda: _MOST)]
+    yield [Benchmark(what, 1.0, ours, lambda: _MOST * second())]
 
 
 def _recording() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
