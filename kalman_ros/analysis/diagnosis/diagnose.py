@@ -138,7 +138,7 @@ def diagnose(
         uncorrected, case = case, Examination(bias.without_declared(case))
     findings += gates.find(case)
     first = len(findings)
-    correlated = common_noise.find(case)
+    correlated, declared = common_noise.find(case), case.evidence
     for number in range(_ROUNDS):
         progress(f'causes of the misfit, {number + 1}{_so_far(findings, first)}')
         best = _find_best(case, findings, uncorrected)
@@ -148,6 +148,7 @@ def diagnose(
         finding, after = best
         case = case if finding.absorbs else after
         findings.append(finding)
+    findings[first:] = noise_levels.restated(declared, findings[first:])
     last = len(findings)
     findings += common_noise.clearest(correlated, common_noise.find(case))
     notes += leftover.find(case)

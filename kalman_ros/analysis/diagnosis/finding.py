@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import nan
-from typing import Any
+from typing import Any, NamedTuple
 
 from kalman_ros.core import Array
 
@@ -32,6 +32,26 @@ class Figure:
     across: str
     up: str
     curves: tuple[Curve, ...]
+
+
+class NoiseLevel(NamedTuple):
+    """A changed noise of a sensor.
+
+    Parameters
+    ----------
+    sensor, indices
+        Sensor, and its coordinates whose noise is changed.
+    before, after
+        Standard deviations (k,).
+    spread
+        Half of the interval of the factor between them, of its logarithm.
+    """
+
+    sensor: str
+    indices: Sequence[int]
+    before: Array
+    after: Array
+    spread: float
 
 
 @dataclass(frozen=True)
@@ -89,6 +109,8 @@ class Finding:
         Filter pass over the corrected evidence, if it is already known.
     absorbs
         Whether its correction takes other causes with it, so that the search goes on without.
+    level
+        Noise that it changes, if it is about the noise of a sensor.
     """
 
     kind: str
@@ -113,6 +135,7 @@ class Finding:
     mended: Callable[[], Evidence] | None = field(default=None, repr=False, compare=False)
     passage: Passage | None = field(default=None, repr=False, compare=False)
     absorbs: bool = False
+    level: NoiseLevel | None = field(default=None, repr=False, compare=False)
 
     @property
     def cautious(self) -> bool:

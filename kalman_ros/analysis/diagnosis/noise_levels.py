@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from kalman_ros.analysis.records import SensorRecord
 from kalman_ros.core import Array
 from kalman_ros.scenario.parameter_text import yaml_value
 
 from .evidence import Evidence
 from .examination import CHANCE, Examination
-from .finding import Curve, Figure, Finding
+from .finding import Curve, Figure, Finding, NoiseLevel
 from .parameters import parameter
 from .refilter import misfits
 
@@ -26,6 +27,8 @@ _FACTORS = np.array([-6.0, -4.0, -2.5, -1.2, -0.5, 0.5, 1.2, 2.5, 4.0, 6.0, 9.0]
 _FINER = np.array([-0.6, -0.3, 0.0, 0.3, 0.6])
 #: A standard deviation that differs by less than this factor is no finding.
 _RELEVANT = 1.2
+#: Factors of which the largest is no more than this times the smallest are one factor.
+_ALIKE = 1.1
 #: Largest number of variances that are tried in a round, those with the largest scores.
 _TRIED = 4
 
@@ -95,34 +98,80 @@ def _search_factors(
     return results
 
 
-def _describe(factor: float, spread: float) -> tuple[str, str]:
-    way = 'small' if factor > 1.0 else 'large'
-    size = factor if factor > 1.0 else 1.0 / factor
+def restated(evidence: Evidence, findings: Sequence[Finding]) -> list[Finding]:
+    """Return findings in which noise that was changed in turn is compared with what was declared.
+
+    Of a coordinate that two of them change the last one holds. A finding of which nothing is left
+    adds its gain to the next one of its sensor.
+    """
+    kept, changed, gains = list[Finding](), set[tuple[str, int]](), dict[str, float]()
+    for finding in reversed(findings):
+        level = finding.level
+        if level is not None:
+            left = [index for index in level.indices if (level.sensor, index) not in changed]
+            changed |= {(level.sensor, index) for index in left}
+            if not left:
+                gains[level.sensor] = gains.get(level.sensor, 0.0) + finding.gain
+                continue
+            declared = _declared(evidence.sensors[level.sensor])
+            if len(left) < len(level.indices) or not np.allclose(declared, level.before):
+                level = level._replace(indices=left, before=declared)
+                finding = replace(finding, **_stated(evidence, level))
+        kept.append(finding)
+    for at, finding in reversed([*enumerate(kept)]):
+        if finding.level is not None:
+            more = gains.pop(finding.level.sensor, 0.0)
+            kept[at] = replace(finding, gain=finding.gain + more)
+    return kept[::-1]
+
+
+def _describe(factors: Sequence[float], spread: float) -> tuple[str, str]:
+    """Return whether a noise is too small or too large, and by which factor, or factors."""
+    way = 'small' if np.prod(factors) > 1.0 else 'large'
+    sizes = [factor if way == 'small' else 1.0 / factor for factor in factors]
+    size, most = min(sizes), max(sizes)
+    if most > _ALIKE * size:
+        return way, f'by factors of {size:.3g} to {most:.3g}'
     low, high = size * exp(-min(spread, 3.0)), size * exp(min(spread, 3.0))
     return way, f'by a factor of {size:.3g} ({low:.3g} to {high:.3g}, 95 %)'
+
+
+def _stated(evidence: Evidence, level: NoiseLevel) -> dict[str, Any]:
+    """Return the kind, the subject and the sentence of a finding about a noise."""
+    space = evidence.scenario.sensors[level.sensor].sensor.output
+    fits = {index: level.after[index] for index in level.indices}
+    way, size = _describe([std / level.before[i] for i, std in fits.items()], level.spread)
+    single = f'.{space.names[level.indices[0]]}' if len(fits) == 1 else ''
+    subject = f'{level.sensor}{single}'
+    words = ', '.join(f'{space.label(space.names[i])} {std:.3g}' for i, std in fits.items())
+    sentence = (
+        f'the declared noise of {subject} is too {way} {size}: standard deviations that fit are '
+        f'{words}.'
+    )
+    return {'kind': f'noise too {way}', 'subject': subject, 'sentence': sentence}
+
+
+def _declared(record: SensorRecord) -> Array:
+    """Return the standard deviations (k,) with which readings were fused."""
+    return np.sqrt(np.median(record.covariance, axis=0).diagonal())
 
 
 def _sensor_finding(
     case: Examination, name: str, indices: list[int], factor: float, gain: float, spread: float
 ) -> Finding:
     evidence, record = case.evidence, case.evidence.sensors[name]
-    space = evidence.scenario.sensors[name].sensor.output
-    way, size = _describe(factor, spread)
-    std = np.sqrt(np.median(record.covariance, axis=0).diagonal())
-    scale = np.ones(space.size)
+    std = _declared(record)
+    scale = np.ones(len(std))
     scale[indices] = factor
+    level = NoiseLevel(name, indices, std, scale * std, spread)
     change: dict[str, Any] = {f'{name}.noise': [float(f'{value:.3g}') for value in scale * std]}
     configured = np.sqrt(evidence.scenario.sensors[name].sensor.covariance.diagonal())
     if not np.allclose(std, configured, rtol=1e-3):
         change[f'{name}.covariance_from'] = 'configuration'
     covariance = record.covariance * scale[:, None] * scale[None, :]
-    subject = f'{name}.{space.names[indices[0]]}' if len(indices) == 1 else name
-    words = ', '.join(f'{space.label(space.names[i])} {std[i] * factor:.3g}' for i in indices)
     return Finding(
-        f'noise too {way}', subject,
-        f'the declared noise of {subject} is too {way} {size}: standard deviations that fit are '
-        f'{words}.',
-        gain**0.5, change, gain=gain, figure=innovations(case, name, indices[0]),
+        **_stated(evidence, level), z=gain**0.5, change=change, gain=gain, level=level,
+        figure=innovations(case, name, indices[0]),
         mended=lambda: _with_covariance(evidence, name, covariance),
     )  # fmt: skip
 
@@ -135,7 +184,7 @@ def _with_covariance(evidence: Evidence, name: str, covariance: Array) -> Eviden
 def _process_finding(
     case: Examination, name: str, factor: float, gain: float, spread: float
 ) -> list[Finding]:
-    way, size = _describe(factor, spread)
+    way, size = _describe([factor], spread)
     found = parameter(case.evidence, name)
     change = found.change(found.value * factor**2)
     try:
