@@ -4,6 +4,7 @@
 import os
 import platform
 import sys
+from collections import Counter
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -140,7 +141,13 @@ STARTS = ('subprocess.Popen', 'os.fork', 'os.forkpty', 'os.posix_spawn', 'os.sys
 
 
 def pytest_terminal_summary(terminalreporter):
-    """Name each test that was tried again, with the failure that the second try hid."""
+    """Count the tests that were skipped by their reasons, and name each that was tried again."""
+    skipped = (report.longrepr for report in terminalreporter.stats.get('skipped', []))
+    reasons = Counter(str(why[2]).removeprefix('Skipped: ') for why in skipped if why)
+    if reasons:
+        terminalreporter.section('skipped')
+    for reason, count in reasons.most_common():
+        terminalreporter.line(f'{count:4}  {reason}')
     reruns = terminalreporter.stats.get('rerun', [])
     if reruns:
         terminalreporter.section(f'{len(reruns)} tried again')
