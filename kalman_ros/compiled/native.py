@@ -160,10 +160,11 @@ class NativeModel(_Numbered, Model):
 
     def noisy_step(self, x: Array, u: Array, dt: float, normal: Array) -> Array:
         """Return the states (..., n) after a step with the noise of standard normal numbers."""
-        found = None
-        if x.ndim > 1 and not self.state.rotations:
+        found, u = None, like(u, x)
+        alike = x.shape == normal.shape and x.shape[:-1] == u.shape[:-1]
+        if x.ndim > 1 and alike and not self.state.rotations:
             step, n = self._c_library.noisy_steps, x.shape[-1]
-            found = self._c_called(step, x, like(u, x), n, dt, self.max_step, behind=normal)
+            found = self._c_called(step, x, u, n, dt, self.max_step, behind=normal)
         if found is None or not is_finite(found):
             return super().noisy_step(x, u, dt, normal)
         return found.reshape(x.shape)

@@ -246,8 +246,7 @@ class BatchEstimator:
         x, P = belief
         known = self._filter.model.factor(P) if belief.factor is None else belief.factor
         self._factored = P, known
-        # a pivot that is no number makes the rest of the diagonal none
-        definite = np.isfinite(known[..., -1, -1])
+        definite = np.isfinite(known.diagonal(axis1=-2, axis2=-1)).all(axis=-1)
         bad = selected & ~(np.isfinite(np.einsum('...i,...i->...', x, x)) & definite)
         if not bad.any():
             return belief, bad

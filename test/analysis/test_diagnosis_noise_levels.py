@@ -18,7 +18,8 @@ def evidence():
 
 def changed(indices, before, after, gain):
     level = NoiseLevel('odometry', indices, np.array(before), np.array(after), 0.05)
-    return Finding('noise too ?', '?', '?', 3.0, gain=gain, level=level)
+    change = {'odometry.noise': after}
+    return Finding('noise too ?', '?', '?', 3.0, change, gain=gain, level=level)
 
 
 def stated(findings):
@@ -30,41 +31,60 @@ def test_one_change_stays_as_it_is(evidence):
     assert noise_levels.restated(evidence, findings) == findings
 
 
-def test_what_was_made_too_small_in_turn_is_still_declared_too_large(evidence):
+def test_changes_in_turn_are_one_against_the_declared_noise(evidence):
+    """What was made too small and larger again is still declared too large."""
     findings = noise_levels.restated(evidence, [
         changed([0, 1, 2], [0.02, 0.05, 0.05], [0.002, 0.005, 0.005], 90.0),
         Finding('bias', 'imu', 'readings of imu are off', 4.0, gain=40.0),
         changed([1], [0.002, 0.005, 0.005], [0.002, 0.01, 0.005], 20.0),
     ])  # fmt: skip
-    assert stated(findings) == [
-        ('noise too large', 'odometry', 90.0),
-        ('bias', 'imu', 40.0),
-        ('noise too large', 'odometry.vy', 20.0),
-    ]
-    whole, _, single = (each.sentence for each in findings)
-    assert 'by a factor of 10 ' in whole and 'vy' not in whole and 'vx [m/s] 0.002' in whole
-    assert 'by a factor of 5 (' in single and 'vy [m/s] 0.01.' in single
+    assert stated(findings) == [('noise too large', 'odometry', 110.0), ('bias', 'imu', 40.0)]
+    sentence = findings[0].sentence
+    assert 'by factors of 5 to 10: ' in sentence
+    assert sentence.endswith('vx [m/s] 0.002, vy [m/s] 0.01, vz [m/s] 0.005.')
+    assert findings[0].change == {'odometry.noise': [0.002, 0.01, 0.005]}
 
 
-def test_a_change_that_others_replace_adds_its_gain_to_the_next_of_its_sensor(evidence):
+def test_coordinates_in_both_directions_are_two_findings(evidence):
     findings = noise_levels.restated(evidence, [
         changed([0, 1, 2], [0.02, 0.05, 0.05], [0.004, 0.01, 0.01], 90.0),
         changed([2], [0.004, 0.01, 0.01], [0.004, 0.01, 0.2], 20.0),
-        changed([0, 1], [0.004, 0.01, 0.2], [0.002, 0.001, 0.2], 10.0),
+        changed([0, 1], [0.004, 0.01, 0.2], [0.002, 0.005, 0.2], 10.0),
     ])  # fmt: skip
     assert stated(findings) == [
-        ('noise too small', 'odometry.vz', 110.0), ('noise too large', 'odometry', 10.0),
+        ('noise too large', 'odometry', 70.0), ('noise too small', 'odometry.vz', 50.0),
     ]  # fmt: skip
-    assert 'by factors of 10 to 50' in findings[1].sentence
+    large, small = findings
+    assert 'by a factor of 10 (' in large.sentence and 'vz' not in large.sentence
+    assert 'by a factor of 4 (' in small.sentence and 'vz [m/s] 0.2.' in small.sentence
+    assert large.change == small.change == {'odometry.noise': [0.002, 0.005, 0.2]}
+
+
+def test_what_comes_back_to_the_declared_noise_is_no_finding(evidence):
+    findings = noise_levels.restated(evidence, [
+        changed([0, 1, 2], [0.02, 0.05, 0.05], [0.002, 0.005, 0.005], 90.0),
+        changed([1, 2], [0.002, 0.005, 0.005], [0.002, 0.05, 0.055], 60.0),
+    ])  # fmt: skip
+    assert stated(findings) == [('noise too large', 'odometry.vx', 30.0)]
 
 
 @pytest.mark.slow
-def test_no_line_of_a_diagnosis_contradicts_what_the_file_declares():
-    declared = [0.4, 0.4, 0.4]  # where (.02, .05, .05) is true
-    evidence = recorded('robot_3d', Injection(estimator={'odometry.noise': declared}), 30.0)
+@pytest.mark.parametrize(
+    'declared', [[0.4, 0.4, 0.4], [2.0, 0.0005, 5.0], [20.0, 0.05, 50.0], [20.0, 1.0, 50.0]]
+)
+def test_no_line_of_a_diagnosis_contradicts_what_the_file_declares(declared):
+    true = np.array([0.02, 0.05, 0.05])
+    evidence = recorded('robot_3d', Injection(estimator={'odometry.noise': declared}), 15.0)
     levels = [each for each in diagnose(evidence, proofs=False).findings if each.level]
-    assert len(levels) > 1
+    factors = true / declared
+    named = [index for each in levels for index in each.level.indices]
+    assert len(named) == len(set(named))
+    assert set(named) == set(np.flatnonzero(np.abs(np.log(factors)) > 0.2))
     for finding in levels:
-        assert finding.kind == 'noise too large', finding.sentence
-    covered = sorted(index for each in levels for index in each.level.indices)
-    assert covered == [0, 1, 2]
+        for index in finding.level.indices:
+            way = 'small' if factors[index] > 1.0 else 'large'
+            assert finding.kind == f'noise too {way}', finding.sentence
+        found = finding.change['odometry.noise']
+        # a noise that is a thousand times too large is divided by fifty in one change
+        left = np.abs(np.log(found / true))
+        assert np.all(left <= np.maximum(np.log(2.2), 0.5 * np.abs(np.log(factors)))), found

@@ -325,3 +325,16 @@ def test_noise_that_is_correlated_in_time_hides_no_offset():
     assert findings[0].kind == 'coloured noise'
     offsets = {'bias', 'drift', 'random walk', 'disturbed'}
     assert any(each.kind in offsets and each.subject == 'scale' for each in findings)
+
+
+def test_a_scale_with_the_declared_noise_is_compared_with_a_bias():
+    """Of a speed that hardly changes, only a scale that leaves the noise alone fits as well."""
+    noise, factor, force = 0.1, 0.8, 6.0 + np.sin(0.7 * DT * np.arange(STEPS))
+    inputs = np.column_stack((force, -force))
+    states, rng = moved(inputs), np.random.default_rng(5)
+    speed = factor * states[:, 1:2] + noise * rng.normal(size=(STEPS, 1))
+    readings = {**places(states), 'speed': (['v'], noise, speed)}
+    found = first(replayed(MASSES, inputs, readings))
+    assert (found.kind, found.subject) == ('scale', 'speed.v')
+    assert found.change['speed.C'][1] == pytest.approx(factor, rel=0.02)
+    assert found.change['speed.noise'] == pytest.approx([noise], rel=1e-3)

@@ -127,6 +127,17 @@ def test_a_start_by_readings_is_processed_in_turn(policy, monkeypatch):
     compare(plain(CART_POLE, **policy), monkeypatch, lambda done: len(done) >= 1 and all(done))
 
 
+def test_the_first_input_tells_where_a_state_rests_however_late_it_comes(monkeypatch):
+    found = plain(CART_POLE, from_rest=True)
+    late = found.observations.input_stamp > 2_000_000_000
+    stamp, value = found.observations.input_stamp[late], found.observations.input[late].copy()
+    value[0] += 0.5
+    found = replace(
+        found, observations=replace(found.observations, input_stamp=stamp, input=value)
+    )
+    compare(found, monkeypatch, lambda done: len(done) >= 1 and all(done))
+
+
 def test_readings_out_of_order_and_before_the_start(monkeypatch):
     found = plain(ROBOT)
     stamp = found.observations.readings['odometry'].stamp.copy()

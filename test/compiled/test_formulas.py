@@ -3,6 +3,7 @@
 
 import copy
 import pickle
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -194,16 +195,45 @@ def test_noise_disturbs_a_step_by_its_covariance(name):
 
 
 @C
+def test_noise_that_changes_far_away_is_compared_of_one_of_many_too():
+    config = SimpleNamespace(density=1.0)
+
+    class Drifting(Model):
+        state, input = Space(['x', 'v']), Space([])
+        config = None
+
+        def derivative(self, x, u):
+            return np.stack((x[..., 1], -np.sin(x[..., 0])), axis=-1)
+
+        def noise_density(self, x):
+            return np.where(np.abs(x[0]) > 5.0, self.config.density, 1.0) * np.diag([0.0, 0.5])
+
+    model = Drifting()
+    model.config = config
+    for density in (1.0, 50.0):
+        config.density = density
+        found = attempt(model, one_of_many=True).result
+        Q = model.noise_covariance(np.array([900.0, 0.0]), np.zeros(0), 0.01)
+        assert_same(found.noise_covariance(np.array([900.0, 0.0]), np.zeros(0), 0.01), Q)
+
+
+@C
 def test_factors_of_many_members_are_those_of_numpy():
     model, rng = compiled(believed('cart_pole').model), np.random.default_rng(8)
     root = rng.standard_normal((5, 3, 4, 4))
     P = root @ root.swapaxes(-1, -2)
-    P[0, 0], P[1, 1], P[2, 0, 3, 1], P[4, 2] = 0.0, -P[1, 1], np.nan, np.inf
+    P[0, 0], P[1, 1], P[2, 0, 3, 1], P[4, 2] = (
+        0.0,
+        -P[1, 1],
+        np.nan,
+        np.diag([np.inf, 1.0, 1.0, 1.0]),
+    )
     with np.errstate(all='ignore'):
         found, expected = model.factor(P), batched.factor(P)
     lost = ~np.isfinite(expected).all(axis=(-2, -1))
     assert lost.sum() == 4
-    assert np.array_equal(lost, ~np.isfinite(found[..., -1, -1]))
+    diagonal = found.diagonal(axis1=-2, axis2=-1)
+    assert np.array_equal(lost, ~np.isfinite(diagonal).all(axis=-1))
     assert_same(found[~lost], expected[~lost])
 
 

@@ -89,6 +89,8 @@ _NEAREST = 3
 _CLOSE, _CLOSER, _SURE = 0.4, 0.5, 1000.0
 #: The share for a delay of the sensor of the best finding, the size of which is fitted again.
 _BESIDE, _DELAYS = 0.2, ('stamps late', 'stamps early')
+#: Causes that add something to readings.
+_OFFSETS = ('bias', 'drift', 'random walk')
 #: A change is proven by a replay of the first seconds if it explains this share of the misfit. A
 #: smaller effect is hidden by the other faults, which the replay does not correct.
 PROOF, _PROVEN = 20.0, 0.01
@@ -245,13 +247,26 @@ def _try(finding: Finding, trials: Trials) -> None:
 
 
 def _try_beside(best: Finding, promised: Sequence[Finding], trials: Trials) -> None:
-    """Try delays of the same sensor: a linearisation promises too little of a long one."""
+    """Try causes of the same sensor of which the trials so far are not the whole truth.
+
+    A linearisation promises too little of a long delay. And an offset leaves the noise as it is,
+    with which only a scale that does so, too, compares.
+    """
+    sensor = best.subject.partition('.')[0]
     for finding in promised:
-        untried = (finding.kind, finding.subject) not in trials.tried
-        delay = finding.kind in _DELAYS and finding.subject == best.subject.partition('.')[0]
-        if delay and untried and finding.gain > _BESIDE * best.gain and finding.mended:
-            with suppress(np.linalg.LinAlgError):
-                trials.add_nearer(finding, Examination(finding.mended()))
+        if finding.subject.partition('.')[0] == sensor and finding.gain > _BESIDE * best.gain:
+            other = _beside(best, finding, trials)
+            if other is not None and other.mended is not None:
+                with suppress(np.linalg.LinAlgError):
+                    trials.add_nearer(other, Examination(other.mended()))
+
+
+def _beside(best: Finding, finding: Finding, trials: Trials) -> Finding | None:
+    """Return the form of a finding that competes with the best one; None if it has none."""
+    if finding.instead is not None and best.kind in _OFFSETS:
+        return finding.instead()
+    untried = (finding.kind, finding.subject) not in trials.tried
+    return finding if finding.kind in _DELAYS and untried else None
 
 
 def _promised(case: Examination, detectors: Sequence[Detector], dimension: float) -> list[Finding]:

@@ -99,6 +99,9 @@ class Finding:
         correction; None if there is nothing left to correct.
     is_exact
         Whether ``gain`` is exact.
+    instead
+        Function that returns the finding with another consequence, to be tried beside
+        offsets.
     exact
         Function that returns the finding with its exact gain, where ``gain`` is a prediction that
         a corrected pass cannot check; None otherwise.
@@ -131,6 +134,7 @@ class Finding:
     note: bool = False
     again: Callable[[Any], Finding | None] | None = field(default=None, repr=False, compare=False)
     exact: Callable[[], Finding] | None = field(default=None, repr=False, compare=False)
+    instead: Callable[[], Finding] | None = field(default=None, repr=False, compare=False)
     is_exact: bool = False
     mended: Callable[[], Evidence] | None = field(default=None, repr=False, compare=False)
     passage: Passage | None = field(default=None, repr=False, compare=False)

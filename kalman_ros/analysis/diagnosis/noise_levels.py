@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from math import exp
 from typing import Any
@@ -101,28 +101,46 @@ def _search_factors(
 def restated(evidence: Evidence, findings: Sequence[Finding]) -> list[Finding]:
     """Return findings in which noise that was changed in turn is compared with what was declared.
 
-    Of a coordinate that two of them change the last one holds. A finding of which nothing is left
-    adds its gain to the next one of its sensor.
+    All changes of the noise of a sensor become one finding, or two if some of its coordinates are
+    declared too small and others too large, in the place of the first of them. Each has the gain
+    of its coordinates, and what fits after all changes.
     """
-    kept, changed, gains = list[Finding](), set[tuple[str, int]](), dict[str, float]()
-    for finding in reversed(findings):
-        level = finding.level
-        if level is not None:
-            left = [index for index in level.indices if (level.sensor, index) not in changed]
-            changed |= {(level.sensor, index) for index in left}
-            if not left:
-                gains[level.sensor] = gains.get(level.sensor, 0.0) + finding.gain
-                continue
-            declared = _declared(evidence.sensors[level.sensor])
-            if len(left) < len(level.indices) or not np.allclose(declared, level.before):
-                level = level._replace(indices=left, before=declared)
-                finding = replace(finding, **_stated(evidence, level))
-        kept.append(finding)
-    for at, finding in reversed([*enumerate(kept)]):
+    changes: dict[str, list[Finding]] = {}
+    for finding in findings:
         if finding.level is not None:
-            more = gains.pop(finding.level.sensor, 0.0)
-            kept[at] = replace(finding, gain=finding.gain + more)
-    return kept[::-1]
+            changes.setdefault(finding.level.sensor, []).append(finding)
+    found = list[Finding]()
+    for finding in findings:
+        level = finding.level
+        if level is None or len(changes[level.sensor]) == 1:
+            found.append(finding)
+        elif finding is changes[level.sensor][0]:
+            found += _joined(evidence, changes[level.sensor])
+    return found
+
+
+def _joined(evidence: Evidence, changes: Sequence[Finding]) -> Iterator[Finding]:
+    """Yield the findings that changes of the noise of one sensor in turn come to."""
+    levels = [each.level for each in changes if each.level is not None]
+    last = levels[-1]._replace(spread=max(level.spread for level in levels))
+    declared = _declared(evidence.sensors[last.sensor])
+    gains = np.zeros(len(declared))
+    for finding, level in zip(changes, levels):
+        gains[level.indices] += finding.gain / len(level.indices)
+    largest = max(changes, key=lambda each: each.gain)
+    sure = max(each.certainty for each in changes)
+    lines = {name: value for each in changes for name, value in each.change.items()}
+    changed = np.bincount([i for level in levels for i in level.indices], minlength=len(gains)) > 0
+    logs = np.where(changed, np.log(last.after / declared), 0.0)
+    ways = (np.flatnonzero(way * logs > np.log(_RELEVANT)).tolist() for way in (1.0, -1.0))
+    for indices in sorted(ways, key=lambda indices: -gains[indices].sum()):
+        if not indices:
+            continue
+        level, gain = last._replace(indices=indices, before=declared), float(gains[indices].sum())
+        yield replace(
+            largest, **_stated(evidence, level), level=level, change=lines, gain=gain,
+            z=gain**0.5, certainty=sure,
+        )  # fmt: skip
 
 
 def _describe(factors: Sequence[float], spread: float) -> tuple[str, str]:

@@ -244,9 +244,18 @@ def replaced(case: Examination, name: str, M: Array) -> tuple[float, float]:
 
 
 def scaled(
-    case: Examination, name: str, group: tuple[int, ...], factor: float, std: float, gain: float
+    case: Examination,
+    name: str,
+    group: tuple[int, ...],
+    factor: float,
+    std: float,
+    gain: float,
+    behind: bool = False,
 ) -> Finding:
-    """Return the finding that a group of coordinates must be multiplied by a ``factor``."""
+    """Return the finding that a group of coordinates must be multiplied by a ``factor``.
+
+    The noise arises before the wrong scale, and grows with it, or ``behind`` it.
+    """
     evidence = case.evidence
     space, index = evidence.scenario.sensors[name].sensor.output, group[0]
     label = label_of(case, name, group)
@@ -265,14 +274,16 @@ def scaled(
         if fit is None or not fit.remains:
             return None
         nearer = factor * (1.0 - float(fit.size[0]))
-        return scaled(case, name, group, nearer, factor * float(fit.std[0]), gain)
+        return scaled(case, name, group, nearer, factor * float(fit.std[0]), gain, behind)
 
+    either = kind == 'scale' and not behind
     return Finding(
         kind, label, f'readings of {label} fit the model once multiplied by {factor:.4g}{cause}.',
-        gain**0.5, mixing(evidence, name, M), gain=max(gain, exact_gain), dues=dues,
+        gain**0.5, mixing(evidence, name, M, behind), gain=max(gain, exact_gain), dues=dues,
         figure=Figure(f'{label}: scale', 'time [s]', space.names[index], curves),
-        mended=lambda: mixed(evidence, name, M),
+        mended=lambda: mixed(evidence, name, M, behind),
         again=again if kind == 'scale' else None,
+        instead=(lambda: scaled(case, name, group, factor, std, gain, True)) if either else None,
     )  # fmt: skip
 
 
@@ -291,16 +302,19 @@ def _classify_factor(
     return 'scale', factor, f' ± {std:.1g}: their scale is wrong'
 
 
-def mixed(evidence: Evidence, name: str, M: Array) -> Evidence:
-    """Return the evidence with the readings y of a sensor replaced by M y."""
+def mixed(evidence: Evidence, name: str, M: Array, behind: bool = False) -> Evidence:
+    """Return the evidence with the readings y of a sensor, or y and its noise, replaced by M y."""
     record = evidence.sensors[name]
+    if behind:
+        record = replace(record, covariance=M @ record.covariance @ M.T)
     return evidence.with_sensor(name, replace(record, value=record.value @ M.T))
 
 
-def mixing(evidence: Evidence, name: str, M: Array) -> dict[str, Any]:
+def mixing(evidence: Evidence, name: str, M: Array, behind: bool = False) -> dict[str, Any]:
     """Return the parameters of a linear sensor that reads M^-1 C x; empty if there are none.
 
-    The noise is multiplied in the same way, so that it stays the same in the unit of the model.
+    The noise is multiplied in the same way, so that it stays the same in the unit of the model,
+    or arises ``behind`` C, and stays as it is.
     """
     scenario, parameters = evidence.scenario, section(evidence.parameters, name)
     sensor = scenario.sensors[name].sensor
@@ -311,7 +325,8 @@ def mixing(evidence: Evidence, name: str, M: Array) -> dict[str, Any]:
         return {}
     inverse = np.linalg.inv(M)
     C = inverse @ sensor.jacobian(rest)
-    noise = np.sqrt(np.maximum((inverse @ sensor.covariance @ inverse.T).diagonal(), 0.0))
+    way = np.eye(len(M)) if behind else inverse
+    noise = np.sqrt(np.maximum((way @ sensor.covariance @ way.T).diagonal(), 0.0))
     known = {option.name for option in options(str(parameters.get('kind', 'states')))}
     removed = known.intersection(parameters) - {option.name for option in options('linear')}
     return {

@@ -176,6 +176,9 @@ class Walk:
         ):
             return None
         columns = np.array(events, dtype=np.int64)
+        rows = columns[columns[:, 1] == len(self._names), 2]
+        if policy.from_rest and self._input is self._conditions.input and len(rows):
+            return None  # the first input tells where a state rests
         if np.diff(columns[:, 0], prepend=self._now).max() > longest:
             return None
         found = self._compiled(self._belief, self._now, columns, self._input)
@@ -183,9 +186,8 @@ class Walk:
             return None
         self._belief, readings = found
         self._now = self._corrected = max(self._now, events[-1].time)
-        acting = columns[columns[:, 1] == len(self._names), 2]
-        if len(acting):
-            self._input = self._observations.input[acting[-1]]
+        if len(rows):
+            self._input = self._observations.input[rows[-1]]
         return [
             Block(
                 self._names[each.order],
