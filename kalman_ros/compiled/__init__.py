@@ -105,7 +105,7 @@ def attempt(
 
 def _verified(original: Any, state: Space | None, wait: bool, one_of_many: bool) -> Outcome:
     """Return a compiled part that does what the original does."""
-    from . import formulas, native
+    from . import formulas, native_model
     from .free_parameters import Parameters
     from .symbols import UntraceableError
 
@@ -118,7 +118,7 @@ def _verified(original: Any, state: Space | None, wait: bool, one_of_many: bool)
         formulas.verify(original, found.result, space, one_of_many=one_of_many)
     except UntraceableError:
         # what has the same attributes may compute by other formulas than before
-        native.forget_formulas()
+        native_model.forget_formulas()
         found = make(original, space, wait)
         formulas.verify(original, found.result, space, one_of_many=one_of_many)
     return found
@@ -130,7 +130,7 @@ def _in_a_line(error: Exception) -> str:
 
 def _model(original: Any, _: Space, wait: bool) -> Outcome:
     from .interpreted import interpreted_model
-    from .native import native_model
+    from .native_model import native_model
 
     try:
         return Outcome(native_model(original, wait=wait), 'C')
@@ -140,7 +140,7 @@ def _model(original: Any, _: Space, wait: bool) -> Outcome:
 
 def _sensor(original: Any, state: Space, wait: bool) -> Outcome:
     from .interpreted import interpreted_sensor
-    from .native import native_sensor
+    from .native_sensor import native_sensor
 
     try:
         return Outcome(native_sensor(original, state, wait=wait), 'C')

@@ -25,7 +25,7 @@ def with_casadi(monkeypatch, tmp_path_factory):
 @pytest.fixture
 def both(monkeypatch):
     """Return a function that calls another with passes in C, and with passes by steps."""
-    from kalman_ros.compiled.native import NativeModel
+    from kalman_ros.compiled.native_model import NativeModel
 
     def call(function):
         outcomes, original = [], NativeModel.filter_pass
@@ -116,7 +116,7 @@ def test_what_was_rejected_until_a_filter_fails_is_known(both):
 
 def test_rotations_that_are_not_compiled_are_processed_by_steps(both, monkeypatch):
     """As those of a model whose space is a property."""
-    from kalman_ros.compiled import native
+    from kalman_ros.compiled import native_model as native
 
     evidence = recorded('robot_3d', seconds=1.0, seed=2)
     monkeypatch.setattr(native, 'native_space', lambda space, wait: space)
@@ -126,7 +126,7 @@ def test_rotations_that_are_not_compiled_are_processed_by_steps(both, monkeypatc
 
 
 def test_readings_that_are_too_long_for_c_are_processed_by_steps(both, monkeypatch):
-    from kalman_ros.compiled import native
+    from kalman_ros.compiled import native_model as native
 
     monkeypatch.setattr(native, 'MOST_READ', 2)
     evidence = recorded('robot_3d', seconds=1.0, seed=2)

@@ -19,7 +19,8 @@ from kalman_ros.scenario.parameter_files import from_file
 from kalman_ros.sensors.euler import Euler
 
 pytest.importorskip('casadi', reason='the extra kalman_ros[compiled] is not installed')
-from kalman_ros.compiled import attempt, compiled, native
+from kalman_ros.compiled import attempt, compiled
+from kalman_ros.compiled import native_model as native
 from kalman_ros.compiled.interpreted import interpreted_model, interpreted_sensor
 from kalman_ros.compiled.symbols import UntraceableError
 from kalman_ros.compiled.tracing import trace

@@ -10,7 +10,8 @@ pytest.importorskip('casadi')
 
 import kalman_ros as kr
 from kalman_ros import scenario
-from kalman_ros.compiled import attempt, native
+from kalman_ros.compiled import attempt
+from kalman_ros.compiled import native_model as native
 from kalman_ros.compiled.free_parameters import Parameters, freed
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import from_file

@@ -1,80 +1,37 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Models, sensors and spaces whose functions are compiled C.
-
-Each call writes its arguments into a new array, behind which C puts the results: no state
-is shared, so that threads may share the objects.
-"""
+"""Models whose functions are compiled C."""
 
 from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Callable, Iterator, Sequence
-from copy import copy
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import Array, LinearizedStep, Model, Sensor, Space, is_finite
+from kalman_ros.core import Array, LinearizedStep, Model, Sensor, is_finite
 from kalman_ros.core.model import like
 from kalman_ros.core.ordered_data import OrderedData, StepMatrices
 
 from .derived import derive
-from .formulas import of_model, of_sensor, of_space
+from .formulas import of_model
 from .free_parameters import Parameters, freed
 from .library import load
-from .native_pass import declare, run
+from .native_pass import declare as declare_pass
+from .native_pass import run
+from .native_sensor import sensor_source
+from .native_space import native_space
+from .numbered import COUNT, NUMBER, POINTER, Numbered, address, declare, memory, pointed
 from .source import source
 
-_address: Callable[[Any], int] = ctypes.addressof
-_memory: Callable[[Any], Any] = ctypes.c_char.from_buffer
-_POINTER, _NUMBER = ctypes.c_void_p, ctypes.c_double
 _STEPS = 'series.c', 'flow.c', 'step.c', 'lanes.c', 'series.c', 'members.c', 'pass.c'
 #: Most numbers of a reading for which C corrects many members.
 MOST_READ = 12
 
 
-class _Numbered:
-    """The numbers of a model or a sensor, for the formulas of its library; or those of several."""
-
-    arithmetic = 'C'
-    #: Functions take leading axes.
-    takes_leading_axes = True
-    _c_library: Any
-    _c_numbers: Array
-    _c_p: int
-    #: How many sets of numbers there are, for as many members in turn, and whose they are.
-    _c_sets = 1
-    _c_members: Sequence[Any] = ()
-
-    def merged_numbers(self, others: Sequence[Any]) -> Any:
-        """Return one object for states (..., p, n) of p objects; None if their formulas differ."""
-        every = [self, *others]
-        if not all(map(self._c_alike, every)):
-            return None
-        whole = copy(self)
-        sets = [each._c_numbers[:-1] for each in every]
-        if any(not np.array_equal(each, sets[0]) for each in sets):
-            vars(whole).update(_pointed(np.concatenate(sets)))
-            whole._c_sets, whole._c_members = len(every), every
-        return whole
-
-    def _c_alike(self, other: Any) -> bool:
-        return getattr(other, '_c_library', None) is self._c_library and other._c_sets == 1
-
-    def _c_lost(self, found: Array, part: type) -> Iterator[tuple[int, Any]]:
-        """Yield the members whose results (members, ...) are not finite, with their originals.
-
-        The original functions are those behind a ``part`` of the class. An exact derivative may
-        not exist where a function that looks at its numbers has one.
-        """
-        members = self._c_members or [self]
-        for k in np.flatnonzero(~np.isfinite(found).all(axis=(*range(1, found.ndim),))).tolist():
-            yield k, super(part, members[k % self._c_sets])
-
-
-class NativeModel(_Numbered, Model):
+class NativeModel(Numbered, Model):
     """A model whose rates, steps and linearisations are computed in C."""
 
     _c_shapes: tuple[tuple[int], tuple[int]]
@@ -106,7 +63,7 @@ class NativeModel(_Numbered, Model):
         v[:first], v[first:middle] = x.ravel(), u.ravel()
         if behind is not None:
             v[middle:last] = behind.ravel()
-        function(_address(_memory(v)), count, *arguments, self._c_p, self._c_sets)
+        function(address(memory(v)), count, *arguments, self._c_p, self._c_sets)
         return v[last:-1]
 
     def predicted_moments(
@@ -149,7 +106,7 @@ class NativeModel(_Numbered, Model):
             end = at + count * math.prod(shape)
             v[at:end].reshape(*lead, *shape)[...] = value
             at = end
-        self._c_library.corrections(_address(_memory(v)), count, k)
+        self._c_library.corrections(address(memory(v)), count, k)
         results = []
         for shape in ((n,), (n, n), (n, k), (k, k)):
             end = at + count * math.prod(shape)
@@ -176,7 +133,7 @@ class NativeModel(_Numbered, Model):
             return super().factor(P)
         v = np.empty(2 * P.size + 1)
         v[: P.size] = P.ravel()
-        self._c_library.factors(_address(_memory(v)), P.size // (n * n))
+        self._c_library.factors(address(memory(v)), P.size // (n * n))
         return v[P.size : -1].reshape(P.shape)
 
     def filter_pass(
@@ -247,46 +204,9 @@ class NativeModel(_Numbered, Model):
         F, Q = moved + n, moved + n + n * n
         v = np.empty(Q + n * n)
         v[:n], v[n:moved] = x, u
-        if self._c_library.linearized_step(_address(_memory(v)), dt, self.max_step, self._c_p):
+        if self._c_library.linearized_step(address(memory(v)), dt, self.max_step, self._c_p):
             return super().linearized_step(x, u, dt)  # which finds out what is wrong
         return LinearizedStep(v[moved:F], v[F:Q].reshape(n, n), v[Q:].reshape(n, n).T)
-
-
-class NativeSensor(_Numbered, Sensor):
-    """What a compiled sensor computes in C; all else is the sensor's."""
-
-    _c_size: int
-
-    def _c_called(self, function: Callable[..., Any], x: Array, size: int) -> Array | None:
-        """Return ``size`` numbers for each of states (..., n); None if that is not their size."""
-        if x.shape[-1] != self._c_size:
-            return None
-        last, count = x.size, x.size // self._c_size
-        v = np.empty(last + count * size + 1)
-        v[:last] = x.ravel()
-        function(_address(_memory(v)), count, self._c_p, self._c_sets)
-        return v[last:-1]
-
-    def measure(self, x: Array) -> Array:
-        """Return the noise-free reading (..., k)."""
-        k = self.output.size
-        found = self._c_called(self._c_library.readings, x, k)
-        if found is None or (x.ndim == 1 and not is_finite(found)):
-            return super().measure(x)  # type: ignore[safe-super]
-        return found.reshape(*x.shape[:-1], k)
-
-    def jacobian(self, x: Array) -> Array:
-        """Return d measure / d x (..., k, n) at ``x`` (..., n)."""
-        n, k = self._c_size, self.output.size
-        found = self._c_called(self._c_library.slopes, x, n * k)
-        if found is None:
-            return super().jacobian(x)
-        points = x.reshape(-1, n)
-        H: Array = found.reshape(len(points), n, k).swapaxes(-1, -2)
-        if not is_finite(found):
-            for at, original in self._c_lost(H, NativeSensor):
-                H[at] = original.jacobian(points[at])
-        return H.reshape(*x.shape[:-1], k, n)
 
 
 def _linearized(original: Any, x: Array, u: Array, dt: float) -> tuple[Array, Array]:
@@ -306,43 +226,6 @@ def _lead(x: Array, u: Array) -> tuple[int, ...]:
     return np.broadcast_shapes(x.shape[:-1], u.shape[:-1])
 
 
-class NativeSpace(Space):
-    """A space with rotations whose differences are compiled, equal to the same one without."""
-
-    _c_arrive: Callable[[int], None]
-    _c_subtract: Callable[[int], None]
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Space) and _fields(self) == _fields(other)
-
-    __hash__ = Space.__hash__
-
-    def arrived(self, total: Array, origin: Array, P: Array) -> tuple[Array, Array]:
-        """Return mean and covariance of an error that moves its origin to its own mean."""
-        n = self.size
-        if not (n,) == total.shape == origin.shape == P.shape[1:] or P.shape[0] != n:
-            return super().arrived(total, origin, P)
-        mean, end = 2 * n + n * n, 3 * n + n * n
-        v = np.empty(end + n * n)
-        v[:n], v[n : 2 * n], v[2 * n : mean] = total, origin, P.ravel()
-        self._c_arrive(_address(_memory(v)))
-        return v[mean:end], v[end:].reshape(n, n)
-
-    def subtract(self, a: Array, b: Array) -> Array:
-        """Return the shortest difference ``a - b`` (..., n); of rotations, Log(Exp(a) Exp(-b))."""
-        n = self.size
-        if not (n,) == a.shape == b.shape:
-            return super().subtract(a, b)
-        v = np.empty(3 * n)
-        v[:n], v[n : 2 * n] = a, b
-        self._c_subtract(_address(_memory(v)))
-        return v[2 * n :]
-
-
-def _fields(space: Space) -> tuple[Any, ...]:
-    return space.names, space.units, space.angles, space.rotations
-
-
 def native_model(model: Model, *, wait: bool = True) -> Model:
     """Return a model in continuous time whose steps are compiled.
 
@@ -355,18 +238,18 @@ def native_model(model: Model, *, wait: bool = True) -> Model:
     """
     parameters, text = freed(model, _model_source)
     library = load(text, wait=wait)
-    library.linearized_step.argtypes = [_POINTER, _NUMBER, _NUMBER, _POINTER]
+    library.linearized_step.argtypes = [POINTER, NUMBER, NUMBER, POINTER]
     library.linearized_step.restype = ctypes.c_int
-    _declare(library.rates)
-    _declare(library.steps, _NUMBER, _NUMBER)
-    _declare(library.noisy_steps, _NUMBER, _NUMBER)
-    library.factors.argtypes, library.factors.restype = [_POINTER, ctypes.c_long], None
-    _declare(library.noises, _NUMBER)
-    _declare(library.linearized_steps, _NUMBER, _NUMBER)
-    _declare(library.predictions, _NUMBER, _NUMBER, ctypes.c_long)
-    library.corrections.argtypes = [_POINTER, ctypes.c_long, ctypes.c_long]
+    declare(library.rates)
+    declare(library.steps, NUMBER, NUMBER)
+    declare(library.noisy_steps, NUMBER, NUMBER)
+    library.factors.argtypes, library.factors.restype = [POINTER, COUNT], None
+    declare(library.noises, NUMBER)
+    declare(library.linearized_steps, NUMBER, NUMBER)
+    declare(library.predictions, NUMBER, NUMBER, COUNT)
+    library.corrections.argtypes = [POINTER, COUNT, COUNT]
     library.corrections.restype = None
-    declare(library)
+    declare_pass(library)
     found: Model = derive(
         NativeModel,
         model,
@@ -374,55 +257,9 @@ def native_model(model: Model, *, wait: bool = True) -> Model:
         state=native_space(model.state, wait=wait),
         _c_library=library,
         _c_shapes=((model.state.size,), (model.input.size,)),
-        **_pointed(parameters.values),
+        **pointed(parameters.values),
     )
     return found
-
-
-def native_sensor(sensor: Sensor, state: Space, *, wait: bool = True) -> Sensor:
-    """Return a sensor of states in a space whose reading and Jacobian are compiled.
-
-    Raises
-    ------
-    UntraceableError
-        If a function cannot be traced.
-    CompilerError
-        If it cannot be compiled, or without ``wait`` is not yet.
-    """
-    parameters, text = freed(sensor, lambda given: _sensor_source(given, state))
-    library = load(text, wait=wait)
-    _declare(library.readings)
-    _declare(library.slopes)
-    found: Sensor = derive(
-        NativeSensor,
-        sensor,
-        native_sensor,
-        state,
-        output=native_space(sensor.output, wait=wait),
-        _c_library=library,
-        _c_size=state.size,
-        **_pointed(parameters.values),
-    )
-    return found
-
-
-def native_space(space: Space, *, wait: bool = True) -> Space:
-    """Return a space with compiled differences; one without rotations is as fast as it is."""
-    if not space.rotations or isinstance(space, NativeSpace):
-        return space
-    library = load(_space_source(space), wait=wait)
-    for function in (library.arrive, library.subtract):
-        function.argtypes, function.restype = [_POINTER], None
-    found: Space = derive(
-        NativeSpace, space, native_space, _c_arrive=library.arrive, _c_subtract=library.subtract
-    )
-    return found
-
-
-def _declare(function: Any, *arguments: Any) -> None:
-    """Declare a function of an array, a number of members, arguments, numbers and their sets."""
-    function.argtypes = [_POINTER, ctypes.c_long, *arguments, _POINTER, ctypes.c_long]
-    function.restype = None
 
 
 @lru_cache(maxsize=32)
@@ -443,26 +280,7 @@ def _model_source(parameters: Parameters) -> str:
     return source(_STEPS, constants, formulas.traces, sparse)
 
 
-@lru_cache(maxsize=64)
-def _sensor_source(parameters: Parameters, state: Space) -> str:
-    sensor: Any = parameters.original
-    formulas = of_sensor(sensor, state, parameters)
-    sizes = {'N': state.size, 'K': sensor.output.size, 'COUNT': len(parameters.values)}
-    return source(['sensor.c'], sizes, formulas._asdict(), {'H': formulas.jacobian})
-
-
-@lru_cache(maxsize=32)
-def _space_source(space: Space) -> str:
-    return source(['space.c'], {'N': space.size}, of_space(space)._asdict(), {})
-
-
 def forget_formulas() -> None:
     """Trace again what looks like something known."""
     _model_source.cache_clear()
-    _sensor_source.cache_clear()
-
-
-def _pointed(numbers: Array) -> dict[str, Any]:
-    """Return numbers, kept in memory, and their address."""
-    kept = np.append(numbers, 0.0)  # none have no address
-    return {'_c_numbers': kept, '_c_p': _address(_memory(kept))}
+    sensor_source.cache_clear()

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sensors whose functions are compiled C."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from kalman_ros.core import Array, Sensor, Space, is_finite
+
+from .derived import derive
+from .formulas import of_sensor
+from .free_parameters import Parameters, freed
+from .library import load
+from .native_space import native_space
+from .numbered import Numbered, address, declare, memory, pointed
+from .source import source
+
+
+class NativeSensor(Numbered, Sensor):
+    """What a compiled sensor computes in C; all else is the sensor's."""
+
+    _c_size: int
+
+    def _c_called(self, function: Callable[..., Any], x: Array, size: int) -> Array | None:
+        """Return ``size`` numbers for each of states (..., n); None if that is not their size."""
+        if x.shape[-1] != self._c_size:
+            return None
+        last, count = x.size, x.size // self._c_size
+        v = np.empty(last + count * size + 1)
+        v[:last] = x.ravel()
+        function(address(memory(v)), count, self._c_p, self._c_sets)
+        return v[last:-1]
+
+    def measure(self, x: Array) -> Array:
+        """Return the noise-free reading (..., k)."""
+        k = self.output.size
+        found = self._c_called(self._c_library.readings, x, k)
+        if found is None or (x.ndim == 1 and not is_finite(found)):
+            return super().measure(x)  # type: ignore[safe-super]
+        return found.reshape(*x.shape[:-1], k)
+
+    def jacobian(self, x: Array) -> Array:
+        """Return d measure / d x (..., k, n) at ``x`` (..., n)."""
+        n, k = self._c_size, self.output.size
+        found = self._c_called(self._c_library.slopes, x, n * k)
+        if found is None:
+            return super().jacobian(x)
+        points = x.reshape(-1, n)
+        H: Array = found.reshape(len(points), n, k).swapaxes(-1, -2)
+        if not is_finite(found):
+            for at, original in self._c_lost(H, NativeSensor):
+                H[at] = original.jacobian(points[at])
+        return H.reshape(*x.shape[:-1], k, n)
+
+
+def native_sensor(sensor: Sensor, state: Space, *, wait: bool = True) -> Sensor:
+    """Return a sensor of states in a space whose reading and Jacobian are compiled.
+
+    Raises
+    ------
+    UntraceableError
+        If a function cannot be traced.
+    CompilerError
+        If it cannot be compiled, or without ``wait`` is not yet.
+    """
+    parameters, text = freed(sensor, lambda given: sensor_source(given, state))
+    library = load(text, wait=wait)
+    declare(library.readings)
+    declare(library.slopes)
+    found: Sensor = derive(
+        NativeSensor,
+        sensor,
+        native_sensor,
+        state,
+        output=native_space(sensor.output, wait=wait),
+        _c_library=library,
+        _c_size=state.size,
+        **pointed(parameters.values),
+    )
+    return found
+
+
+@lru_cache(maxsize=64)
+def sensor_source(parameters: Parameters, state: Space) -> str:
+    """Return the formulas of a sensor as C; what has the same attributes has the same ones."""
+    sensor: Any = parameters.original
+    formulas = of_sensor(sensor, state, parameters)
+    sizes = {'N': state.size, 'K': sensor.output.size, 'COUNT': len(parameters.values)}
+    return source(['sensor.c'], sizes, formulas._asdict(), {'H': formulas.jacobian})

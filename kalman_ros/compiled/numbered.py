@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What objects with functions in C share: their numbers, and how arrays reach a library.
+
+Each call writes its arguments into a new array, behind which C puts the results: no state
+is shared, so that threads may share the objects.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Iterator, Sequence
+from copy import copy
+from typing import Any
+
+import numpy as np
+
+from kalman_ros.core import Array
+
+#: The address of a buffer, and a buffer of an array.
+address: Callable[[Any], int] = ctypes.addressof
+memory: Callable[[Any], Any] = ctypes.c_char.from_buffer
+POINTER, NUMBER, COUNT = ctypes.c_void_p, ctypes.c_double, ctypes.c_long
+
+
+class Numbered:
+    """The numbers of a model or a sensor, for the formulas of its library; or those of several."""
+
+    arithmetic = 'C'
+    #: Functions take leading axes.
+    takes_leading_axes = True
+    _c_library: Any
+    _c_numbers: Array
+    _c_p: int
+    #: How many sets of numbers there are, for as many members in turn, and whose they are.
+    _c_sets = 1
+    _c_members: Sequence[Any] = ()
+
+    def merged_numbers(self, others: Sequence[Any]) -> Any:
+        """Return one object for states (..., p, n) of p objects; None if their formulas differ."""
+        every = [self, *others]
+        if not all(map(self._c_alike, every)):
+            return None
+        whole = copy(self)
+        sets = [each._c_numbers[:-1] for each in every]
+        if any(not np.array_equal(each, sets[0]) for each in sets):
+            vars(whole).update(pointed(np.concatenate(sets)))
+            whole._c_sets, whole._c_members = len(every), every
+        return whole
+
+    def _c_alike(self, other: Any) -> bool:
+        return getattr(other, '_c_library', None) is self._c_library and other._c_sets == 1
+
+    def _c_lost(self, found: Array, part: type) -> Iterator[tuple[int, Any]]:
+        """Yield the members whose results (members, ...) are not finite, with their originals.
+
+        The original functions are those behind a ``part`` of the class. An exact derivative may
+        not exist where a function that looks at its numbers has one.
+        """
+        members = self._c_members or [self]
+        for k in np.flatnonzero(~np.isfinite(found).all(axis=(*range(1, found.ndim),))).tolist():
+            yield k, super(part, members[k % self._c_sets])
+
+
+def declare(function: Any, *arguments: Any) -> None:
+    """Declare a function of an array, a number of members, arguments, numbers and their sets."""
+    function.argtypes = [POINTER, COUNT, *arguments, POINTER, COUNT]
+    function.restype = None
+
+
+def pointed(numbers: Array) -> dict[str, Any]:
+    """Return numbers, kept in memory, and their address."""
+    kept = np.append(numbers, 0.0)  # none have no address
+    return {'_c_numbers': kept, '_c_p': address(memory(kept))}
