@@ -68,7 +68,7 @@ def test_what_comes_back_to_the_declared_noise_is_no_finding(evidence):
     assert stated(findings) == [('noise too large', 'odometry.vx', 30.0)]
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     'declared', [[0.4, 0.4, 0.4], [2.0, 0.0005, 5.0], [20.0, 0.05, 50.0], [20.0, 1.0, 50.0]]
 )
