@@ -111,9 +111,7 @@ class CompiledSteps:
         """Return the readings (N, k) of a sensor and their covariances (N, k, k)."""
         readings = self._observations.readings[name]
         y = readings.value[rows]
-        R = (
-            candidate.sensors[name].covariance
-            if readings.covariance is None
-            else readings.covariance[rows]
-        )
+        R, carried = candidate.sensors[name].covariance, readings.covariance
+        if carried is not None:
+            R = carried[rows]
         return y - candidate.biases.get(name, 0.0), np.broadcast_to(R, (*y.shape, y.shape[1]))

@@ -160,32 +160,32 @@ class Walk:
             if first and progress is not None:
                 progress(first / len(events))
             some = events[first : first + _BLOCK]
-            yield from self._process_at_once(some) or self._process_in_turn(some)
+            at_once = self._process_at_once(some)
+            yield from self._process_in_turn(some) if at_once is None else at_once
+
+    def _are_plain(self, events: Any) -> bool:
+        """Return whether events (S, 3) need nothing but steps."""
+        policy, names = self._conditions.policy, self._names
+        if not self._moving or isinstance(self._belief, Diffuse):
+            return False
+        if (policy.from_reading or policy.from_rest) and len(self._started) < len(names):
+            return False
+        acts = bool((events[:, 1] == len(names)).any())
+        if policy.from_rest and acts and self._input is self._conditions.input:
+            return False  # the first input tells where a state rests
+        return bool(np.diff(events[:, 0], prepend=self._now).max() <= self._longest)
 
     def _process_at_once(self, events: Sequence[Event]) -> list[Block] | None:
-        """Return the blocks of events that need nothing but steps in C; None if they do."""
-        policy, longest = self._conditions.policy, self._longest
-        starts = (policy.from_reading or policy.from_rest) and len(self._started) < len(
-            self._names
-        )
-        if (
-            self._compiled is None
-            or starts
-            or not self._moving
-            or isinstance(self._belief, Diffuse)
-        ):
-            return None
+        """Return the blocks of events; None if they are not plain, or a step fails."""
         columns = np.array(events, dtype=np.int64)
-        rows = columns[columns[:, 1] == len(self._names), 2]
-        if policy.from_rest and self._input is self._conditions.input and len(rows):
-            return None  # the first input tells where a state rests
-        if np.diff(columns[:, 0], prepend=self._now).max() > longest:
+        if self._compiled is None or not self._are_plain(columns):
             return None
         found = self._compiled(self._belief, self._now, columns, self._input)
         if found is None:
             return None
         self._belief, readings = found
         self._now = self._corrected = max(self._now, events[-1].time)
+        rows = columns[columns[:, 1] == len(self._names), 2]
         if len(rows):
             self._input = self._observations.input[rows[-1]]
         return [
