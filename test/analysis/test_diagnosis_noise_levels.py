@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Noise that is changed in turn is compared with what was declared, not with what was tried."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tools.doctor_score.recordings import Injection, recorded
@@ -47,14 +49,20 @@ def test_changes_in_turn_are_one_against_the_declared_noise(evidence):
 
 def test_coordinates_in_both_directions_are_two_findings(evidence):
     findings = noise_levels.restated(evidence, [
-        changed([0, 1, 2], [0.02, 0.05, 0.05], [0.004, 0.01, 0.01], 90.0),
-        changed([2], [0.004, 0.01, 0.01], [0.004, 0.01, 0.2], 20.0),
+        replace(
+            changed([0, 1, 2], [0.02, 0.05, 0.05], [0.004, 0.01, 0.01], 90.0),
+            same_as=(('noise too large', 'odometry.vx'), ('noise too small', 'imu.wx')),
+            certainty=0.2,
+        ),
+        replace(changed([2], [0.004, 0.01, 0.01], [0.004, 0.01, 0.2], 20.0), certainty=0.7),
         changed([0, 1], [0.004, 0.01, 0.2], [0.002, 0.005, 0.2], 10.0),
     ])  # fmt: skip
     assert stated(findings) == [
         ('noise too large', 'odometry', 70.0), ('noise too small', 'odometry.vz', 50.0),
     ]  # fmt: skip
     large, small = findings
+    assert large.same_as == small.same_as == (('noise too small', 'imu.wx'),)
+    assert large.certainty == small.certainty == 0.7
     assert 'by a factor of 10 (' in large.sentence and 'vz' not in large.sentence
     assert 'by a factor of 4 (' in small.sentence and 'vz [m/s] 0.2.' in small.sentence
     assert large.change == small.change == {'odometry.noise': [0.002, 0.005, 0.2]}

@@ -129,6 +129,11 @@ def _joined(evidence: Evidence, changes: Sequence[Finding]) -> Iterator[Finding]
         gains[level.indices] += finding.gain / len(level.indices)
     largest = max(changes, key=lambda each: each.gain)
     sure = max(each.certainty for each in changes)
+    others = tuple(
+        (kind, subject)
+        for kind, subject in largest.same_as
+        if not kind.startswith('noise too') or subject.partition('.')[0] != last.sensor
+    )
     lines = {name: value for each in changes for name, value in each.change.items()}
     changed = np.bincount([i for level in levels for i in level.indices], minlength=len(gains)) > 0
     logs = np.where(changed, np.log(last.after / declared), 0.0)
@@ -139,7 +144,7 @@ def _joined(evidence: Evidence, changes: Sequence[Finding]) -> Iterator[Finding]
         level, gain = last._replace(indices=indices, before=declared), float(gains[indices].sum())
         yield replace(
             largest, **_stated(evidence, level), level=level, change=lines, gain=gain,
-            z=gain**0.5, certainty=sure,
+            z=gain**0.5, certainty=sure, same_as=others,
         )  # fmt: skip
 
 
