@@ -21,7 +21,7 @@ def evidence():
 def changed(indices, before, after, gain):
     level = NoiseLevel('odometry', indices, np.array(before), np.array(after), 0.05)
     change = {'odometry.noise': after}
-    return Finding('noise too ?', '?', '?', 3.0, change, gain=gain, level=level)
+    return Finding('noise too ?', '?', '?', 3.0, change, gain=gain, level=level, certainty=0.1)
 
 
 def stated(findings):
