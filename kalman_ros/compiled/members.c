@@ -11,10 +11,12 @@ int linearized_step(double *v, double dt, double max_step, const double *p)
     return linearize(v, u, dt, max_step, p, moved, moved + N, moved + N + N * N);
 }
 
-/* `flow` of LANES members at once; 0 where one is not that simple. */
+/* `flow` of LANES members at once; 0 where one is not that simple, or lanes hold one alone. */
 FAST static int flows(const double *x, const double *u, double dt, const double **p, double *F,
                       double *Q, int with_F)
 {
+    if (LANES == 1)
+        return 0;
     lanes a[A_COUNT + 1], w[W_COUNT + 1], all_F[N * N], all_Q[N * N];
     for (int l = 0; l < LANES; l++) {
         double one[A_COUNT + 1], noise[W_COUNT + 1];

@@ -126,11 +126,11 @@ class NativeModel(Numbered, Model):
             return super().noisy_step(x, u, dt, normal)
         return found.reshape(x.shape)
 
-    def factor(self, P: Array) -> Array:
+    def covariance_factor(self, P: Array) -> Array:
         """Return L with L L' = P (..., n, n), NaN where P is not positive definite."""
         (n,) = self._c_shapes[0]
         if P.ndim == 2 or P.shape[-1] != n:
-            return super().factor(P)
+            return super().covariance_factor(P)
         v = np.empty(2 * P.size + 1)
         v[: P.size] = P.ravel()
         self._c_library.factors(address(memory(v)), P.size // (n * n))

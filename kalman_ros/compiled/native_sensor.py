@@ -21,7 +21,7 @@ from .source import source
 
 
 class NativeSensor(Numbered, Sensor):
-    """What a compiled sensor computes in C; all else is the sensor's."""
+    """A sensor whose reading and Jacobian are computed in C."""
 
     _c_size: int
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What objects with functions in C share: their numbers, and how arrays reach a library.
+"""The numbers of models and sensors whose functions are C, and the calls of these functions.
 
 Each call writes its arguments into a new array, behind which C puts the results: no state
 is shared, so that threads may share the objects.

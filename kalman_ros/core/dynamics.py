@@ -171,7 +171,7 @@ class Dynamics(ABC):
     #: The mean and covariance after a reading, for any leading axes.
     corrected_moments = staticmethod(corrected_moments)
     #: L with L L' = P (..., n, n), NaN where P is not positive definite.
-    factor = staticmethod(factor)
+    covariance_factor = staticmethod(factor)
 
     def step_noise(self, x: Array, u: Array, dt: float) -> Array:
         """Return the Q of `linearized_step`."""

@@ -89,7 +89,7 @@ class BatchEstimator:
         mean = np.broadcast_to(initial.mean, (*members, initial.mean.shape[-1]))
         #: Beliefs at `time`; a covariance that all members share is (n, n).
         self.belief = unchecked((_by_coordinate(mean), initial.covariance))
-        #: A covariance and its factor.
+        #: The last covariance that was checked, and its factor.
         self._factored: tuple[Array | None, Array] = None, initial.covariance
         #: Time of the beliefs in nanoseconds; None before the first `advance`.
         self.time: int | None = None
@@ -186,7 +186,7 @@ class BatchEstimator:
             except np.linalg.LinAlgError:
                 pass
         known, L = self._factored
-        return whitened(L if known is P else self._filter.model.factor(P), error)
+        return whitened(L if known is P else self._filter.model.covariance_factor(P), error)
 
     def _predicted_as_scheduled(self, dt: float) -> Gaussian | None:
         """Return the beliefs after ``dt`` seconds if they share a covariance, else None."""
@@ -244,7 +244,7 @@ class BatchEstimator:
     def _committed(self, belief: Gaussian, selected: Mask) -> tuple[Gaussian, Mask]:
         """Return repaired beliefs, and the mask of ``selected`` ones that cannot be repaired."""
         x, P = belief
-        known = self._filter.model.factor(P) if belief.factor is None else belief.factor
+        known = self._filter.model.covariance_factor(P) if belief.factor is None else belief.factor
         self._factored = P, known
         definite = np.isfinite(known.diagonal(axis1=-2, axis2=-1)).all(axis=-1)
         bad = selected & ~(np.isfinite(np.einsum('...i,...i->...', x, x)) & definite)

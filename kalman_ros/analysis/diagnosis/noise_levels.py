@@ -149,8 +149,8 @@ def _joined(evidence: Evidence, changes: Sequence[Finding]) -> Iterator[Finding]
 
 
 def _describe(factors: Sequence[float], spread: float) -> tuple[str, str]:
-    """Return whether a noise is too small or too large, and by which factor, or factors."""
-    way = 'small' if np.prod(factors) > 1.0 else 'large'
+    """Return whether a noise is too small or too large, by factors on one side of 1, and which."""
+    way = 'small' if factors[0] > 1.0 else 'large'
     sizes = [factor if way == 'small' else 1.0 / factor for factor in factors]
     size, most = min(sizes), max(sizes)
     if most > _ALIKE * size:

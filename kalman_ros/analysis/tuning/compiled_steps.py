@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -13,17 +13,9 @@ from kalman_ros.core.ordered_data import OrderedData
 from kalman_ros.estimators.filters.ekf import ExtendedKalmanFilter
 from kalman_ros.estimators.plan import parts
 
+from .block import Block
 from .candidate import Candidate
-from .observations import Observations, Stamps
-
-
-class Fused(NamedTuple):
-    """N readings of a sensor: ``time`` (N,), ``innovation`` (N, p, k) and their ``S``."""
-
-    order: int
-    time: Stamps
-    innovation: Array
-    S: Array
+from .observations import Observations
 
 
 class CompiledSteps:
@@ -52,8 +44,8 @@ class CompiledSteps:
 
     def __call__(
         self, belief: Gaussian, now: int, events: Any, u: Array
-    ) -> tuple[Gaussian, list[Fused]] | None:
-        """Return the beliefs (p, n) after events, and what was read.
+    ) -> tuple[Gaussian, list[Block]] | None:
+        """Return the beliefs (p, n) after events, and the innovations of each sensor.
 
         None where a reading lacks a number, or a step fails.
 
@@ -95,17 +87,20 @@ class CompiledSteps:
             means.append(steps.after[0])
             covariances.append(steps.after[1])
             found.append(steps.readings)
-        fused = [
-            Fused(
-                index,
+        sensors = self._candidates[0].sensors
+        blocks = [
+            Block(
+                name,
+                sensors[name].output,
                 time[order == index],
                 np.stack([each[index].innovation for each in found], axis=1),
                 np.stack([each[index].S for each in found], axis=1),
+                np.ones((len(rows[index]), len(found)), dtype=bool),
             )
-            for index, at in enumerate(rows)
-            if len(at)
+            for index, name in enumerate(self._names)
+            if len(rows[index])
         ]
-        return unchecked((np.stack(means), np.stack(covariances))), fused
+        return unchecked((np.stack(means), np.stack(covariances))), blocks
 
     def _readings(self, candidate: Candidate, name: str, rows: Any) -> tuple[Array, Array]:
         """Return the readings (N, k) of a sensor and their covariances (N, k, k)."""

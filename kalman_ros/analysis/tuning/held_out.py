@@ -14,8 +14,8 @@ from kalman_ros.core import Array
 from kalman_ros.estimators.consistency import chi_square_bounds
 from kalman_ros.linear.batched import factor, whitened
 
+from .block import Block
 from .likelihood import Likelihood
-from .walk import Block
 
 #: The probability that a consistent filter fails any check.
 MISS = 1e-3

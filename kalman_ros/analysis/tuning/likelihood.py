@@ -22,10 +22,11 @@ import numpy as np
 from kalman_ros.core import Array
 from kalman_ros.linear.batched import factor, log_determinant, whitened
 
+from .block import Block
 from .candidate import Build, Candidate
 from .free_parameter import STEP, FreeParameter
 from .observations import Observations
-from .walk import Block, Conditions, Walk
+from .walk import Conditions, Walk
 
 #: Receives the share of a pass that is done.
 Progress = Callable[[float], None]

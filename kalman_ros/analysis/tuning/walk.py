@@ -4,56 +4,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import Array, Gaussian, Sensor, Space, chosen, in_continuous_time, unchecked
+from kalman_ros.core import Array, Gaussian, Sensor, chosen, in_continuous_time, unchecked
 from kalman_ros.core.candidates import candidate_model, candidate_sensor
 from kalman_ros.estimators.diffuse import Diffuse, begun
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.estimators.start import likeliest, match_reading, rested
 
+from .block import Block
 from .candidate import Candidate, Part, candidate_filter
 from .compiled_steps import CompiledSteps
 from .earlier import SAFE, Earlier, corrected
-from .observations import Event, Observations, Stamps
+from .observations import Event, Observations
 
 #: Innovations are released in blocks of this number of readings and inputs.
 _BLOCK = 2000
-
-
-@dataclass(frozen=True)
-class Block:
-    """The innovations of N readings of the same coordinates of a sensor, for p candidates.
-
-    Parameters
-    ----------
-    sensor, output
-        Name of the sensor, and space of the coordinates.
-    time
-        Stamps in nanoseconds (N,).
-    innovation
-        Innovations (N, p, k).
-    covariance
-        Innovation covariances S (N, p, k, k).
-    accepted
-        Whether the gates accepted each reading (N, p).
-    """
-
-    sensor: str
-    output: Space
-    time: Stamps
-    innovation: Array
-    covariance: Array
-    accepted: Any
-
-    def split(self, q: int) -> Iterator[Block]:
-        """Yield the blocks of q equal groups of candidates."""
-        sizes = (np.split(a, q, axis=1) for a in (self.innovation, self.covariance, self.accepted))
-        for innovation, covariance, accepted in zip(*sizes):
-            yield replace(self, innovation=innovation, covariance=covariance, accepted=accepted)
 
 
 @dataclass(frozen=True)
@@ -183,22 +152,12 @@ class Walk:
         found = self._compiled(self._belief, self._now, columns, self._input)
         if found is None:
             return None
-        self._belief, readings = found
+        self._belief, blocks = found
         self._now = self._corrected = max(self._now, events[-1].time)
         rows = columns[columns[:, 1] == len(self._names), 2]
         if len(rows):
             self._input = self._observations.input[rows[-1]]
-        return [
-            Block(
-                self._names[each.order],
-                self._candidates[0].sensors[self._names[each.order]].output,
-                each.time,
-                each.innovation,
-                each.S,
-                np.ones(each.innovation.shape[:2], dtype=bool),
-            )
-            for each in readings
-        ]
+        return blocks
 
     @property
     def _longest(self) -> float:
