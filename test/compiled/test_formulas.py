@@ -170,6 +170,22 @@ def test_members_in_one_register_are_those_one_by_one(name, dt):
 
 
 @C
+@pytest.mark.parametrize('count', [2, 3])
+def test_members_in_one_register_have_numbers_that_differ(count):
+    parameters = [{'model_parameters.friction': 0.1 * (1 + k)} for k in range(count)]
+    models = [scenario.build({'model': 'cart_pole', **each}).model for each in parameters]
+    whole = compiled(models[0]).merged_numbers([compiled(each) for each in models[1:]])
+    rng = np.random.default_rng(9)
+    x, u = 0.3 * rng.standard_normal((5, count, 4)), rng.standard_normal((5, count, 1))
+    found = whole.linearized_step(x, u, 0.013)
+    for k, model in enumerate(models):
+        for row in range(5):
+            alone = model.linearized_step(x[row, k], u[row, k], 0.013)
+            for together, one in zip(found, alone):
+                assert_same(together[row, k], one)
+
+
+@C
 @pytest.mark.parametrize('name', mostly_thorough(NONLINEAR, 'robot_3d', 'cart_pole'))
 def test_noise_disturbs_a_step_by_its_covariance(name):
     model = believed(name).model
