@@ -297,3 +297,16 @@ def test_a_member_whose_covariance_is_not_definite_is_repaired_as_alone():
     np.testing.assert_array_equal(belief.mean[1], repaired.mean)
     np.testing.assert_array_equal(belief.covariance[1], repaired.covariance)
     np.testing.assert_array_equal(belief.covariance[0], P[0])
+
+
+def test_a_member_with_an_infinite_variance_begins_again():
+    """Its first pivot is no number, but those behind it may be."""
+    scenario = load('mass_spring_damper')
+    n, start = scenario.model.state.size, scenario.initial_belief
+    filter = build_filter('kf', scenario.plan)
+    batch = BatchEstimator(filter, {}, start, scenario.model.equilibrium.input, (3,))
+    P = np.tile(np.eye(n), (3, 1, 1))
+    P[1, 0, 0] = np.inf
+    with np.errstate(all='ignore'):
+        _, failed = batch._committed(Gaussian(np.zeros((3, n)), P), np.ones(3, dtype=bool))
+    assert failed.tolist() == [False, True, False]
