@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from math import inf
 
 import numpy as np
 
-from kalman_ros.core import Array, solve, symmetric
+from kalman_ros.core import Array, Dynamics, Sensor, solve, symmetric
 from kalman_ros.estimators.plan import parts
 from kalman_ros.linear.structure import Observability
 from kalman_ros.scenario import Scenario
@@ -97,15 +97,34 @@ class ObservabilityMeter:
     process no reading. A node in real time therefore calls `work` regularly, which follows the
     path by one step, and `report` returns the result of the last completed path. If `work` is
     never called, `report` follows the whole path.
+
+    Parameters
+    ----------
+    scenario
+        The states and their first belief, and the rates of the sensors.
+    model, sensors
+        What computes these, as a filter does: compiled, and with biases as further states, which
+        are taken for known. The scenario's by default.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        model: Dynamics | None = None,
+        sensors: Mapping[str, Sensor] | None = None,
+    ) -> None:
         self._pieces: deque[_Piece] = deque(maxlen=_PIECES)
-        self.configure(scenario)
+        self.configure(scenario, model, sensors)
 
-    def configure(self, scenario: Scenario) -> None:
+    def configure(
+        self,
+        scenario: Scenario,
+        model: Dynamics | None = None,
+        sensors: Mapping[str, Sensor] | None = None,
+    ) -> None:
         """Use another model or other sensors, and clear the path."""
-        self._scenario = scenario
+        self._scenario, self._model = scenario, model or scenario.model
+        self._sensors = sensors or {name: s.sensor for name, s in scenario.sensors.items()}
         constant = scenario.plan.linear or scenario.model.is_discrete
         self._linear = observability(scenario) if constant else None
         slowest = min((s.timed.rate for s in scenario.enabled.values()), default=inf)
@@ -158,7 +177,7 @@ class ObservabilityMeter:
         return {'observability': str(result.verdict), 'latest readings alone, 1 sigma': listed}
 
     def __call__(self, x: Array) -> LocalObservability:
-        """Return the observability about the current estimate ``x`` (n,)."""
+        """Return the observability about the current estimate ``x`` of the model's states."""
         *_, M = self._gramians(x, reversed(self._pieces))
         return self._assess(M)
 
@@ -190,15 +209,15 @@ class ObservabilityMeter:
 
     def _gramians(self, x: Array, path: Iterable[_Piece]) -> Iterator[Array]:
         """Yield the Gramian before the path, which leads back from ``x``, and after each step."""
-        model, sensors = self._scenario.model, self._scenario.sensors
-        scales = _scales(self._scenario.initial_belief.std)
-        n, h = x.size, _DIFFERENCE * np.diag(scales)  # the model evaluates all points in one call
+        model, scales = self._model, _scales(self._scenario.initial_belief.std)
+        n, steps = scales.size, _DIFFERENCE * scales
+        h = steps[:, None] * np.eye(n, x.size)  # the model evaluates all points in one call
         sensitivity, M = np.eye(n), np.zeros((n, n))
         yield M
         for piece in path:
             for name, count in piece.readings.items():
-                sensor = sensors[name].sensor
-                H = sensor.jacobian(x) @ sensitivity
+                sensor = self._sensors[name]
+                H = sensor.jacobian(x)[:, :n] @ sensitivity
                 M = M + count * H.T @ solve(sensor.covariance, H)
             if not piece.seconds:
                 break
@@ -207,7 +226,7 @@ class ObservabilityMeter:
             for _ in range(count):
                 x, *perturbed = model.step(np.vstack((x, x + h, x - h)), u, -piece.seconds / count)
                 change = model.state.subtract(np.array(perturbed[:n]), np.array(perturbed[n:]))
-                sensitivity = (change.T / (2.0 * h.diagonal())) @ sensitivity
+                sensitivity = (change[:, :n].T / (2.0 * steps)) @ sensitivity
                 yield M
                 if not np.abs(sensitivity / scales[:, None] * scales).max() < _MOST_GROWTH:
                     return

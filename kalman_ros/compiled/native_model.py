@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.core import Array, LinearizedStep, Model, Sensor, is_finite
+from kalman_ros.core.dynamics import CorrectedMoments
 from kalman_ros.core.model import like
 from kalman_ros.core.ordered_data import OrderedData, StepMatrices
 
@@ -19,11 +20,21 @@ from .derived import derive
 from .formulas import of_model
 from .free_parameters import Parameters, freed
 from .library import load
+from .native_pass import MOST_STATES, run
 from .native_pass import declare as declare_pass
-from .native_pass import run
 from .native_sensor import sensor_source
 from .native_space import native_space
-from .numbered import COUNT, NUMBER, POINTER, Numbered, address, declare, memory, pointed
+from .numbered import (
+    COUNT,
+    NUMBER,
+    POINTER,
+    Numbered,
+    address,
+    declare,
+    function_address,
+    memory,
+    pointed,
+)
 from .source import source
 
 _STEPS = 'series.c', 'flow.c', 'step.c', 'lanes.c', 'series.c', 'members.c', 'pass.c'
@@ -35,6 +46,8 @@ class NativeModel(Numbered, Model):
     """A model whose rates, steps and linearisations are computed in C."""
 
     _c_shapes: tuple[tuple[int], tuple[int]]
+    #: The address of `NativeSpace.arrived`; 0 without rotations.
+    _c_arrived: int
 
     def _c_alike(self, other: Any) -> bool:
         return super()._c_alike(other) and bool(other.max_step == self.max_step)
@@ -70,10 +83,13 @@ class NativeModel(Numbered, Model):
         self, x: Array, P: Array, u: Array, dt: float, number: int = 1
     ) -> tuple[Array, Array]:
         """Return means (..., n) and covariances (..., n, n) after linearised steps."""
-        if x.ndim == 1 and (number == 1 or (x.shape, u.shape) != self._c_shapes):
-            return super().predicted_moments(x, P, u, dt, number)
-        n, u = x.shape[-1], like(u, x)
-        covariances = np.broadcast_to(P, (*x.shape, n))
+        n = x.shape[-1]
+        if x.ndim == 1:
+            if (x.shape, u.shape) != self._c_shapes:
+                return super().predicted_moments(x, P, u, dt, number)
+            covariances = P
+        else:
+            u, covariances = like(u, x), np.broadcast_to(P, (*x.shape, n))
         step = self._c_library.predictions
         lengths = dt, self.max_step, number
         found = self._c_called(step, x, u, n + n * n, *lengths, behind=covariances)
@@ -114,6 +130,41 @@ class NativeModel(Numbered, Model):
             at = end
         mean, covariance, K, S = results
         return mean, covariance, K, S
+
+    def corrected(self, x: Array, P: Array, y: Array, sensor: Any) -> CorrectedMoments:
+        """Return the belief x, P after a reading y (..., k) of a sensor, with what led there."""
+        n, k, R = x.shape[-1], y.shape[-1], sensor.covariance
+        if ((n,), (k,), (n, n), (k, k)) != (x.shape, y.shape, P.shape, R.shape):
+            return super().corrected(x, P, y, sensor)
+        if (n,) != self._c_shapes[0] or k > MOST_READ or n > MOST_STATES:
+            return super().corrected(x, P, y, sensor)
+        at_H = n + n * n
+        at_R = at_H + k * n
+        at_e = at_R + k * k
+        mean = at_e + k
+        covariance = mean + n
+        K = covariance + n * n
+        S = K + n * k
+        v = np.empty(S + k * k + 1)
+        v[:n], v[n:at_H], v[at_R:at_e] = x, P.ravel(), R.ravel()
+        if getattr(sensor, '_c_sets', 0) == 1 and sensor._c_shapes == (x.shape, y.shape):
+            reads = sensor._c_reads
+            v[at_e:mean] = y
+        else:
+            reads = 0, 0, 0, 0
+            v[at_H:at_R] = sensor.jacobian(x).ravel()
+            v[at_e:mean] = sensor.output.subtract(y, sensor.measure(x))
+        if self._c_library.correction(address(memory(v)), k, *reads, self._c_arrived):
+            return super().corrected(x, P, y, sensor)  # which finds out what is wrong
+        return CorrectedMoments(
+            v[mean:covariance],
+            v[covariance:K].reshape(n, n),
+            v[at_e:mean],
+            v[S:-1].reshape(k, k),
+            v[K:S].reshape(n, k),
+            v[at_H:at_R].reshape(k, n),
+            float(v[-1]),
+        )
 
     def noisy_step(self, x: Array, u: Array, dt: float, normal: Array) -> Array:
         """Return the states (..., n) after a step with the noise of standard normal numbers."""
@@ -249,13 +300,17 @@ def native_model(model: Model, *, wait: bool = True) -> Model:
     declare(library.predictions, NUMBER, NUMBER, COUNT)
     library.corrections.argtypes = [POINTER, COUNT, COUNT]
     library.corrections.restype = None
+    library.correction.argtypes = [POINTER, COUNT, *[POINTER] * 5]
+    library.correction.restype = ctypes.c_int
     declare_pass(library)
+    space = native_space(model.state, wait=wait)
     found: Model = derive(
         NativeModel,
         model,
         native_model,
-        state=native_space(model.state, wait=wait),
+        state=space,
         _c_library=library,
+        _c_arrived=function_address(getattr(space, '_c_arrive', None)),
         _c_shapes=((model.state.size,), (model.input.size,)),
         **pointed(parameters.values),
     )

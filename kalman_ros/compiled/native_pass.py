@@ -12,10 +12,12 @@ import numpy as np
 from kalman_ros.core import Array, Sensor
 from kalman_ros.core.ordered_data import OrderedData, ReadingMatrices, StepMatrices
 
+from .native_space import turns
+from .numbered import function_address
+
 _POINTER, _LONG, _DOUBLE = ctypes.c_void_p, ctypes.c_long, ctypes.c_double
-_TURN = 2.0 * np.pi
 #: Most states of a pass in C, the matrices of which are on the stack.
-_MOST_STATES = 100
+MOST_STATES = 100
 
 
 class _Sensor(ctypes.Structure):
@@ -78,8 +80,8 @@ def run(
         Most numbers of a reading.
     """
     n, length, space = x.size, len(data.time), model.state
-    arrive = _address(getattr(space, '_c_arrive', None))
-    if n > _MOST_STATES or (space.rotations and not arrive):
+    arrive = function_address(getattr(space, '_c_arrive', None))
+    if n > MOST_STATES or (space.rotations and not arrive):
         return None
     if data.inputs.shape[1:] != model._c_shapes[1]:
         return None
@@ -106,8 +108,7 @@ def run(
             return None
         structure.sensed, structure.subtract, numbers = functions
         structure.p = numbers if isinstance(numbers, int) else at(numbers)
-        turns = [_TURN if name in sensor.output.angles else 0.0 for name in sensor.output.names]
-        structure.turns, structure.limit, structure.k = at(turns), limit, k
+        structure.turns, structure.limit, structure.k = at(turns(sensor.output)), limit, k
         structure.y, structure.R = at(y), at(R)
         for name, values in found._asdict().items():
             setattr(structure, name, values.ctypes.data)
@@ -136,22 +137,18 @@ def run(
     )  # fmt: skip
 
 
-def _address(function: Any) -> int:
-    return ctypes.cast(function, _POINTER).value or 0 if function else 0
-
-
 def _functions(sensor: Any, n: int) -> tuple[int, int, Any] | None:
     """Return the addresses of a sensor's reading and difference in C, and its numbers.
 
     A matrix needs none: its numbers are H and what is read at the origin. None if a sensor is
     neither.
     """
-    library, output = getattr(sensor, '_c_library', None), sensor.output
-    subtract = _address(getattr(output, '_c_subtract', None))
+    output = sensor.output
+    subtract = function_address(getattr(output, '_c_subtract', None))
     if output.rotations and not subtract:
         return None
-    if library is not None and sensor._c_sets == 1:
-        return _address(library.sensed), subtract, sensor._c_p
+    if getattr(sensor, '_c_sets', 0) == 1:
+        return sensor._c_sensed, subtract, sensor._c_p
     if sensor.linear and not output.rotations:
         rest = np.zeros(n)
         return 0, 0, np.concatenate((sensor.jacobian(rest).ravel(), sensor.measure(rest)))

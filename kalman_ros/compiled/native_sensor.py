@@ -15,8 +15,8 @@ from .derived import derive
 from .formulas import of_sensor
 from .free_parameters import Parameters, freed
 from .library import load
-from .native_space import native_space
-from .numbered import Numbered, address, declare, memory, pointed
+from .native_space import native_space, turns
+from .numbered import Numbered, address, declare, function_address, memory, pointed
 from .source import source
 
 
@@ -24,6 +24,16 @@ class NativeSensor(Numbered, Sensor):
     """A sensor whose reading and Jacobian are computed in C."""
 
     _c_size: int
+    _c_shapes: tuple[tuple[int], tuple[int]]
+    #: The addresses of the functions that read and subtract, and a whole turn of each angle.
+    _c_sensed: int
+    _c_subtract: int
+    _c_turns: Array
+
+    @property
+    def _c_reads(self) -> tuple[int, int, int, int]:
+        """What C needs for a reading: how it is computed, its numbers, and its differences."""
+        return self._c_sensed, self._c_p, self._c_subtract, address(memory(self._c_turns))
 
     def _c_called(self, function: Callable[..., Any], x: Array, size: int) -> Array | None:
         """Return ``size`` numbers for each of states (..., n); None if that is not their size."""
@@ -71,14 +81,19 @@ def native_sensor(sensor: Sensor, state: Space, *, wait: bool = True) -> Sensor:
     library = load(text, wait=wait)
     declare(library.readings)
     declare(library.slopes)
+    output = native_space(sensor.output, wait=wait)
     found: Sensor = derive(
         NativeSensor,
         sensor,
         native_sensor,
         state,
-        output=native_space(sensor.output, wait=wait),
+        output=output,
         _c_library=library,
         _c_size=state.size,
+        _c_shapes=((state.size,), (output.size,)),
+        _c_sensed=function_address(library.sensed),
+        _c_subtract=function_address(getattr(output, '_c_subtract', None)),
+        _c_turns=turns(output),
         **pointed(parameters.values),
     )
     return found

@@ -67,6 +67,11 @@ def declare(function: Any, *arguments: Any) -> None:
     function.restype = None
 
 
+def function_address(function: Any) -> int:
+    """Return the address of a function of a library; 0 for None."""
+    return ctypes.cast(function, POINTER).value or 0 if function else 0
+
+
 def pointed(numbers: Array) -> dict[str, Any]:
     """Return numbers, kept in memory, and their address."""
     kept = np.append(numbers, 0.0)  # none have no address

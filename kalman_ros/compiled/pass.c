@@ -90,6 +90,62 @@ INLINE void difference(const struct sensor *of, const double *y, const double *e
     }
 }
 
+/* `corrections` of one belief, the factor L of S, and L^-1 e with its square; 0 where it fails. */
+INLINE int weighed(double *v, long k, double *L, double *whitened, double *square)
+{
+    const double *e = v + N + N * N + k * N + k * k, *mean = e + k, *S = mean + N + N * N + N * k;
+    corrections(v, 1, k);
+    memcpy(L, S, k * k * sizeof *L);
+    if (!factored(L, k) || !is_finite(mean, N + N * N))
+        return 0;
+    *square = 0;
+    for (long c = 0; c < k; c++) {
+        whitened[c] = e[c];
+        for (long l = 0; l < c; l++)
+            whitened[c] -= L[c * k + l] * whitened[l];
+        whitened[c] /= L[c * k + c];
+        *square += whitened[c] * whitened[c];
+    }
+    return 1;
+}
+
+/* The mean and covariance of an error become those of a belief about x. */
+INLINE void arrived(move *arrive, const double *x, const double *mean, const double *covariance,
+                    double *new_x, double *new_P)
+{
+    double v[3 * N + 2 * N * N], *total = v + 2 * N + N * N;
+    memcpy(v, mean, N * sizeof *v);
+    memcpy(v + N, x, N * sizeof *v);
+    memcpy(v + 2 * N, covariance, N * N * sizeof *v);
+    if (arrive)
+        arrive(v);
+    else
+        wrap(mean, total);
+    memcpy(new_x, total, N * sizeof *v);
+    memcpy(new_P, arrive ? total + N : v + 2 * N, N * N * sizeof *v);
+}
+
+/* v holds x, P, H, R and the innovation of one reading of k numbers, or where H is to be computed
+ * the reading itself, and receives the new x and P, K, S and the square of the whitened innovation
+ * behind them; 1 where that fails.
+ */
+FAST int correction(double *v, long k, sense *sensed, const double *p, move *subtract,
+                    const double *turns, move *arrive)
+{
+    const struct sensor of = {.subtract = subtract, .turns = turns, .k = k};
+    double *H = v + N + N * N, *e = H + k * N + k * k, *mean = e + k, *P = mean + N;
+    double L[MOST_READ * MOST_READ], numbers[MOST_READ], expected[MOST_READ];
+    if (sensed) {
+        memcpy(numbers, e, k * sizeof *e);
+        sensed(v, p, expected, H);
+        difference(&of, numbers, expected, e);
+    }
+    if (!weighed(v, k, L, numbers, P + N * N + N * k + k * k))
+        return 1;
+    arrived(arrive, v, mean, P, mean, P);
+    return 0;
+}
+
 /* The correction by the next reading of a sensor: 1 if it is fused, 0 if not, -1 where it fails. */
 INLINE int fused(const struct sequence *s, struct sensor *of)
 {
@@ -97,7 +153,7 @@ INLINE int fused(const struct sequence *s, struct sensor *of)
     double v[2 * (N + N * N + MOST_READ * N + MOST_READ * MOST_READ) + MOST_READ];
     double *P = v + N, *H = P + N * N, *R = H + k * N, *e = R + k * k, expected[MOST_READ];
     double *mean = v + behind, *after = mean + N, *K = after + N * N, *S = K + N * k;
-    double L[MOST_READ * MOST_READ], turned[3 * N + 2 * N * N], square = 0, log_size = 0;
+    double L[MOST_READ * MOST_READ], square, log_size = 0;
     memcpy(v, s->x, N * sizeof *v);
     memcpy(P, s->P, N * N * sizeof *P);
     memcpy(R, of->R, k * k * sizeof *R);
@@ -113,16 +169,9 @@ INLINE int fused(const struct sequence *s, struct sensor *of)
     }
     difference(of, of->y, expected, e);
     of->y += k, of->R += k * k;
-    corrections(v, 1, k);
-    memcpy(L, S, k * k * sizeof *L);
-    if (!factored(L, k) || !is_finite(mean, N + N * N))
+    if (!weighed(v, k, L, of->whitened, &square))
         return -1;
     for (long c = 0; c < k; c++) {
-        of->whitened[c] = e[c];
-        for (long l = 0; l < c; l++)
-            of->whitened[c] -= L[c * k + l] * of->whitened[l];
-        of->whitened[c] /= L[c * k + c];
-        square += of->whitened[c] * of->whitened[c];
         log_size += 2 * log(L[c * k + c]);
         for (long r = 0; r < k; r++) { /* column c of the inverse */
             double sum = r == c;
@@ -141,17 +190,7 @@ INLINE int fused(const struct sequence *s, struct sensor *of)
         of->white += k * k, of->whitened += k;
         *of->log++ = log_size + (double)k * log(2 * acos(-1.0));
     }
-    if (s->arrive) {
-        memcpy(turned, mean, N * sizeof *mean);
-        memcpy(turned + N, s->x, N * sizeof *mean);
-        memcpy(turned + 2 * N, after, N * N * sizeof *after);
-        s->arrive(turned);
-        memcpy(s->x, turned + 2 * N + N * N, N * sizeof *mean);
-        memcpy(s->P, turned + 3 * N + N * N, N * N * sizeof *after);
-    } else {
-        wrap(mean, s->x);
-        memcpy(s->P, after, N * N * sizeof *after);
-    }
+    arrived(s->arrive, v, mean, after, s->x, s->P);
     return 1;
 }
 

@@ -34,6 +34,30 @@ class LinearizedStep(NamedTuple):
     Q: Array
 
 
+class CorrectedMoments(NamedTuple):
+    """A mean (..., n) and covariance (..., n, n) after a reading, with what led there.
+
+    Parameters
+    ----------
+    mean, covariance
+        (..., n) and (..., n, n).
+    innovation, innovation_covariance
+        Reading minus its prediction (..., k), and S (..., k, k).
+    gain, jacobian
+        K (..., n, k) and H (..., k, n).
+    nis
+        The normalised innovation squared, if it is known.
+    """
+
+    mean: Array
+    covariance: Array
+    innovation: Array
+    innovation_covariance: Array
+    gain: Array
+    jacobian: Array
+    nis: float | None = None
+
+
 class OperatingPoint(NamedTuple):
     """A state and an input about which a model is linearised.
 
@@ -168,7 +192,23 @@ class Dynamics(ABC):
         """
         return None
 
-    #: The mean and covariance after a reading, for any leading axes.
+    def corrected(self, x: Array, P: Array, y: Array, sensor: Any) -> CorrectedMoments:
+        """Return the belief x, P after a reading y (..., k) of a sensor, with what led there.
+
+        The sensor is linearised about x (..., n).
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If a single S is not positive definite; of several, its results are NaN.
+        """
+        H, R = sensor.jacobian(x), sensor.covariance
+        innovation = sensor.output.subtract(y, sensor.measure(x))
+        mean, covariance, K, S = self.corrected_moments(x, P, H, R, innovation)
+        mean, covariance = self.state.arrived(mean, x, covariance)
+        return CorrectedMoments(mean, covariance, innovation, S, K, H)
+
+    #: The mean and covariance after an innovation, for any leading axes.
     corrected_moments = staticmethod(corrected_moments)
     #: L with L L' = P (..., n, n), NaN where P is not positive definite.
     covariance_factor = staticmethod(factor)

@@ -210,18 +210,16 @@ class LinearUpdate(SmoothableFilter):
 
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Return x + K innovation, (I - K H) P (I - K H)' + K R K', with K = P H' S^-1."""
-        x, P = belief
-        H, R = sensor.jacobian(x), sensor.covariance
-        innovation = sensor.output.subtract(y, sensor.measure(x))
         if isinstance(belief, Diffuse):
-            return self._begin(belief, innovation, H, R)
-        mean, covariance, K, S = self.model.corrected_moments(x, P, H, R, innovation)
-        moved = self.model.state.arrived(mean, x, covariance)
-        return Correction(unchecked(moved), innovation, S, K, H)
+            return self._begin(belief, y, sensor)
+        mean, covariance, innovation, S, K, H, nis = self.model.corrected(*belief, y, sensor)
+        return Correction(unchecked((mean, covariance)), innovation, S, K, H, nis)
 
-    def _begin(self, belief: Diffuse, innovation: Array, H: Array, R: Array) -> Correction:
+    def _begin(self, belief: Diffuse, y: Array, sensor: Sensor) -> Correction:
         """Return the correction of a belief that knows nothing of some states."""
-        found, x, space = update(belief, innovation, H, R), belief.mean, self.model.state
+        x, space = belief.mean, self.model.state
+        H, innovation = sensor.jacobian(x), sensor.output.subtract(y, sensor.measure(x))
+        found = update(belief, innovation, H, sensor.covariance)
         mean, known = space.arrived(x + found.change, x, found.known)
         _, unknown = space.arrived(x + found.change, x, found.unknown)
         after = settled(mean, known, unknown)

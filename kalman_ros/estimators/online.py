@@ -118,6 +118,11 @@ class OnlineEstimator:
         return self._filter
 
     @property
+    def sensors(self) -> Mapping[str, Sensor]:
+        """The sensors in use, by name."""
+        return self._sensors
+
+    @property
     def time(self) -> int | None:
         """The stamp of the newest item, in nanoseconds; None before the first."""
         return self._timeline.head.time

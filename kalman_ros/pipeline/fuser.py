@@ -93,7 +93,7 @@ class Fuser:
             channel.nis.inside()  # the first call imports much, for 0.2 s
         #: Outcomes of the inputs.
         self.inputs: Counter[Outcome] = Counter()
-        self.observability = ObservabilityMeter(scenario)
+        self.observability = ObservabilityMeter(scenario, online.filter.model, online.sensors)
         #: Logger of warnings, at a limited rate.
         self.warn = Throttle(warn)
         self.scenario = scenario
@@ -113,7 +113,7 @@ class Fuser:
         """Use a scenario that was changed live, with the same names and topics."""
         self.online.configure(estimation.filter, estimation.sensors, estimation.policy)
         self.scenario, self.arithmetic = scenario, estimation.arithmetic
-        self.observability.configure(scenario)
+        self.observability.configure(scenario, estimation.filter.model, estimation.sensors)
         self.input.configure(scenario.input)
 
     def fuse(self, received: Iterable[Received], now: int | None = None) -> list[Fused]:
@@ -206,8 +206,8 @@ class Fuser:
         return corrected
 
     def estimate(self) -> Array:
-        """Return the newest estimate (n,) of the model's own states."""
-        return self.scenario.believed.own(self.online.belief).mean
+        """Return the newest estimate (n,), of the biases of sensors, too, if these are states."""
+        return self.online.belief.mean
 
     def begin(self, belief: Gaussian) -> None:
         """Drop all messages and their statistics, and start from a belief; counts are kept."""

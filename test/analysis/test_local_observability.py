@@ -116,6 +116,23 @@ def test_it_restarts_when_the_clock_goes_back():
     assert len(meter(x).verdict.unseen) == 4
 
 
+def test_with_biases_as_states_it_judges_the_states_of_the_model():
+    values = {'model': 'turn_rate', 'lidar.bias_std': [0.2, 0.3]}
+    built = scenario.build(values)
+    whole = built.believed
+    assert whole.model.state.size == built.model.state.size + 2
+    alone, both = ObservabilityMeter(built), ObservabilityMeter(built, whole.model, whole.sensors)
+    x = built.initial_state
+    for step in range(20):
+        for meter in (alone, both):
+            meter.reading('lidar', step * 100_000_000)
+            meter.reading('radar', step * 100_000_000)
+    found = both(np.append(x, [0.1, -0.1]))
+    assert found.verdict == alone(x).verdict
+    np.testing.assert_allclose(found.std, alone(x).std, rtol=1e-9)
+    assert both.report(np.append(x, [0.1, -0.1])) == alone.report(x)
+
+
 def test_a_linear_scenario_has_its_verdict_at_once():
     built = scenario.build({'sensors': ['velocity']})
     meter = ObservabilityMeter(built)

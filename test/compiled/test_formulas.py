@@ -19,7 +19,6 @@ from kalman_ros.sensors.euler import Euler
 
 pytest.importorskip('casadi', reason='the extra kalman_ros[compiled] is not installed')
 from kalman_ros.compiled import attempt, compiled
-from kalman_ros.compiled import native_model as native
 from kalman_ros.compiled.interpreted import interpreted_model, interpreted_sensor
 from kalman_ros.compiled.symbols import UntraceableError
 from kalman_ros.compiled.tracing import trace
@@ -824,35 +823,3 @@ def test_only_numbers_are_decided_by():
     for function in (bool, lambda x: [x[0] if x[0] > 0 else 0.0], lambda x: max(x[0], x[1])):
         with pytest.raises(UntraceableError):
             trace(function, (np.array([0.3, 0.4]),))
-
-
-@C
-@pytest.mark.parametrize('k', [1, 2, 3, 5])
-def test_many_members_are_corrected_as_in_numpy(k):
-    model, rng = believed('robot_3d').model, np.random.default_rng(6)
-    fast, n, members = compiled(model), model.state.size, (4, 3)
-    x = rng.standard_normal((*members, n))
-    P = rng.standard_normal((*members, n, n))
-    P = P @ P.swapaxes(-1, -2)
-    H, nu = rng.standard_normal((*members, k, n)), rng.standard_normal((*members, k))
-    R = np.diag(rng.uniform(0.1, 1.0, k))
-    P[1, 2], H[2, 0] = -P[1, 2], 0.0
-    for given in ((x, P, H, R, nu), (x, P[0, 0], H[0], R, nu), (x, P, H[0, 0], R, nu)):
-        with np.errstate(invalid='ignore'):
-            expected = model.corrected_moments(*given)
-        for mine, theirs in zip(fast.corrected_moments(*given), expected):
-            # what is not positive definite is so in both
-            assert_same(mine, np.broadcast_to(theirs, mine.shape))
-
-
-@C
-def test_a_single_member_and_many_numbers_are_corrected_by_numpy():
-    model, rng = compiled(believed('cart_pole').model), np.random.default_rng(7)
-    x, P, most = rng.standard_normal(4), np.eye(4), native.MOST_READ + 1
-    H, nu = rng.standard_normal((most, 4)), rng.standard_normal(most)
-    one = model.corrected_moments(x, P, H, np.eye(most), nu)
-    many = model.corrected_moments(np.stack((x, x)), P, H, np.eye(most), np.stack((nu, nu)))
-    for alone, both in zip(one, many):
-        np.testing.assert_allclose(np.broadcast_to(both, (2, *alone.shape))[1], alone, rtol=1e-9)
-    with pytest.raises(np.linalg.LinAlgError):
-        model.corrected_moments(x, -P, H[:1], 1e-3 * np.eye(1), nu[:1])

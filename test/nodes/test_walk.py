@@ -18,7 +18,7 @@ from kalman_ros.nodes.estimator.node import EstimatorNode
 PACKAGE = Path(kalman_ros.__file__).parent
 PAGE = Path(__file__).parents[2] / 'CONTRIBUTING.md'
 #: Modules that are entered at all, with what keeps count and what computes; fewer is better.
-MOST_MODULES = 33
+MOST_MODULES = 34
 #: What the timer of the diagnostics calls, which may fire while a message is on its way.
 TIMERS = 'nodes/middleware/connections', 'nodes/middleware/diagnostics'
 

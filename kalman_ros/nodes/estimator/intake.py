@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from time import monotonic, sleep
+from time import monotonic
 from typing import Any
 
 from rclpy.clock import JumpThreshold
@@ -28,8 +28,6 @@ from kalman_ros.scenario import Scenario
 _BACK = Duration(seconds=-0.1)
 #: Seconds between two pieces of work that no message waits for.
 _PAUSE = 0.05
-#: Seconds that the readers of an estimate have the processor before such work takes it.
-_YIELD = 3e-4
 #: Seconds after which the time of a message is no longer the present.
 _LONG = 0.05
 #: The most innovations that are published at once in real time.
@@ -111,7 +109,6 @@ class RealTimeIntake:
         self._node.publish_innovations(corrected, _MOST_INNOVATIONS)
         if start - self._worked > _PAUSE:  # now it is longest until the next message
             self._worked = start
-            sleep(_YIELD)
             fuser.observability.work(fuser.estimate)
 
     def _waiting_readings(self, first: Channel, data: bytes, now: int) -> list[Received]:

@@ -36,7 +36,7 @@ class Connections:
         self._node = node
         self._awaited: list[Any] = []
         self._counts: list[tuple[str, int, int]] = []
-        self._looked = -_LATER
+        self._counted = self._looked = -_LATER
         self._left: list[Callable[[], Iterator[str]]] = []
         self._found: list[str] = []
         self._since: dict[str, float] = {}
@@ -61,8 +61,9 @@ class Connections:
 
     def _begin(self) -> None:
         now = monotonic()
-        if now - self._looked < _SOON:
+        if now - self._counted < _SOON:
             return
+        self._counted = now
         subscriptions, publishers = [*self._subscriptions()], [*self._node.publishers]
         counts = [self._count(own.topic_name) for own in (*subscriptions, *publishers)]
         if counts == self._counts and not self._since and now - self._looked < _LATER:
