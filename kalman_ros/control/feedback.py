@@ -100,6 +100,8 @@ class Regulator:
         self._budget = budget
         self._predictor = self._predictor_of(feedback)
         self._motion: Motion | None = None
+        #: The motion whose last state is held.
+        self._ended: Motion | None = None
         self._elapsed = 0.0
         self._aim = Aim(*target)
         self._integral: Array = np.zeros(len(feedback.tracked))
@@ -134,10 +136,15 @@ class Regulator:
         """The last input (m,); that of the target before the first."""
         return self._aim.input if self._last is None else self._last[1]
 
-    def hold(self, state: Array, input: Array) -> None:
-        """Hold a state (n,) with an input (m,) from now on; a motion ends without a jump."""
-        moving, self._motion = self._motion, None
+    def hold(self, state: Array, input: Array, feedback: Feedback | None = None) -> None:
+        """Hold a state (n,) with an input (m,) from now on; a motion ends without a jump.
+
+        The gains become those of the ``feedback`` there, if it is given.
+        """
+        moving, self._motion, self._ended = self._motion, None, None
         self._elapsed = 0.0
+        if feedback is not None and feedback is not self._feedback:
+            self._use(feedback)
         self._aim = Aim(state, input)
         if moving is not None:
             self._continue()
@@ -148,7 +155,7 @@ class Regulator:
         Its time is the sum of the ``dt`` of `propose`, so that it waits while there is none. The
         input is continuous if it is ``smooth``.
         """
-        self._motion, self._elapsed, self._begun = motion, elapsed, False
+        self._motion, self._ended, self._elapsed, self._begun = motion, None, elapsed, False
         self._aim = motion.at(elapsed)
         if smooth:
             self._continue()
@@ -168,13 +175,17 @@ class Regulator:
         if limits is not None:
             self._limits = limits
         if feedback is not self._feedback or limits is not None:
-            self._predictor = self._predictor_of(feedback)
+            self._use(feedback)
+        self._blend = blend
+        if self._motion is None:
+            self._aim, self._ended = Aim(*self.target), None
+        self._continue()
+
+    def _use(self, feedback: Feedback) -> None:
+        self._predictor = self._predictor_of(feedback)
         if feedback.tracked != self._feedback.tracked:
             self._integral = np.zeros(len(feedback.tracked))
-        self._feedback, self._blend = feedback, blend
-        if self._motion is None:
-            self._aim = Aim(*self.target)
-        self._continue()
+        self._feedback = feedback
 
     def _continue(self) -> None:
         """Let the input go on from its last value."""
@@ -205,7 +216,7 @@ class Regulator:
         self._begun = True
         self._aim = motion.at(self._elapsed)
         if self._elapsed >= motion.duration:
-            self._motion = None
+            self._motion, self._ended = None, motion
 
     def applied(self, x: Array, wanted: Array, u: Array, dt: float) -> None:
         """Record that ``u`` (m,) was applied where ``wanted`` (m,) had been proposed."""
@@ -223,7 +234,7 @@ class Regulator:
         """Return what the limits add to an input (m,)."""
         if self._motion is None and not self._feedback.gain.any():
             return np.zeros_like(u)  # it is not regulated at rest
-        moving = self._motion
+        moving = self._motion or self._ended
         if moving is not None and moving.gains is not None and moving.differences is None:
             return np.zeros_like(u)  # how differences from it move is not known
         error = self._space.subtract(x, self._aim.state)
@@ -232,11 +243,12 @@ class Regulator:
 
     def _ahead(self, steps: int) -> Motion:
         """Return the reference from now on, with the jump that decays as part of its input."""
-        if self._motion is None:
+        moving = self._motion or self._ended
+        if moving is None:
             state, input, _ = self._aim
             ahead = Motion(self._space, 0.0, state[np.newaxis], input[np.newaxis])
         else:
-            ahead = self._motion.ahead(self._elapsed, steps)
+            ahead = moving.ahead(self._elapsed, steps)
         alone = self._jump.ndim == 1 and self._jump.any()
         return replace(ahead, inputs=ahead.inputs + self._jump) if alone else ahead
 

@@ -33,6 +33,10 @@ from .scenario import Scenario
 
 #: An input is beyond a limit by more than this share of it; less is rounding.
 BEYOND = 1e-6
+#: Derivatives of a model at two points are the same if they differ by less, relatively.
+_ALIKE = 1e-6
+#: A coordinate that changes by this share of the largest change does not.
+_ROUNDING = 1e-12
 #: A mode that no input moves may not grow faster than this, in 1/s.
 _GROWTH = 1e-9
 
@@ -51,8 +55,8 @@ def regulator(scenario: Scenario) -> tuple[LqrDesign, Cost]:
     return sampled_lqr(system, weights, 1.0 / scenario.rate), price(scenario)
 
 
-def feedback(scenario: Scenario) -> Feedback:
-    """Return the gains of a scenario's law, about its equilibrium.
+def feedback(scenario: Scenario, about: OperatingPoint | None = None) -> Feedback:
+    """Return the gains of a scenario's law, about a point at rest; by default its equilibrium.
 
     Raises
     ------
@@ -60,6 +64,7 @@ def feedback(scenario: Scenario) -> Feedback:
         If there is no input, or the law has no solution.
     """
     model, m = scenario.model, scenario.model.input.size
+    about = about or model.equilibrium
     if not m:
         raise DesignError('model: it has no input, so there is nothing to control')
     if not is_still(model, model.equilibrium):
@@ -72,11 +77,10 @@ def feedback(scenario: Scenario) -> Feedback:
             raise DesignError(
                 f'law: expected lqr for a model in discrete time, got {scenario.law}'
             )
-        step = model.transition(*model.equilibrium, model.period)
+        step = model.transition(*about, model.period)
         K = dlqr(step.F, step.G, price(scenario)).gain
         return Feedback(K, np.empty((m, 0)), (), np.empty(0, dtype=complex))
-    dt = 1.0 / scenario.rate
-    system, weights = _system(scenario)
+    dt, system, weights = 1.0 / scenario.rate, linearize(model, *about), weights_of(scenario)
     try:
         return build_law(scenario.law, system, weights, dt, scenario.law_options)
     except DesignError:
@@ -91,6 +95,43 @@ def feedback(scenario: Scenario) -> Feedback:
         options = scenario.law_options
         prediction = build_law(scenario.law, system, weights, dt, options, at_rest).prediction
     return Feedback(np.zeros(step.G.T.shape), np.empty((m, 0)), (), poles, prediction)
+
+
+def feedback_at(scenario: Scenario, held: OperatingPoint, known: Feedback) -> Feedback:
+    """Return the gains about a set point, which are the ``known`` ones where the model is alike.
+
+    A robot whose velocity is along its own axes moves elsewhere with another heading, so that the
+    gains of its equilibrium would drive it away.
+
+    Raises
+    ------
+    DesignError
+        If the law has no solution there.
+    """
+    model = scenario.model
+    if model.is_linear or not is_still(model, held):
+        return known
+    here, there = (_slopes(scenario, point) for point in (model.equilibrium, held))
+    scale = np.abs(here).max()
+    if np.allclose(here, there, rtol=_ALIKE, atol=_ALIKE * scale) or steered(scenario):
+        return known
+    return feedback(scenario, OperatingPoint(*map(_without_rounding, model.equilibrium, held)))
+
+
+def _without_rounding(here: Array, there: Array) -> Array:
+    """Return ``there``; coordinates that differ by rounding alone are as ``here``."""
+    change = np.abs(there - here)
+    return np.where(change > _ROUNDING * change.max(initial=0.0), there, here)
+
+
+def _slopes(scenario: Scenario, point: OperatingPoint) -> Array:
+    """Return [A, B] of a model about a point, or [F, G] in discrete time."""
+    model = scenario.model
+    if model.is_discrete:
+        step = model.transition(*point, model.period)
+        return np.hstack((step.F, step.G))
+    system = linearize(model, *point)
+    return np.hstack((system.A, system.B))
 
 
 def steered(scenario: Scenario) -> bool:

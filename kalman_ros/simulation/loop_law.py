@@ -67,7 +67,7 @@ class Answer:
         self._scenario = scenario = law.scenario
         model = scenario.model
         idle = np.zeros(model.input.size) if law.idle is None else law.idle
-        self._limits = law.limits
+        self._limits, self._feedback = law.limits, law.feedback
         self._regulator = Regulator(
             model.state, law.feedback, model.equilibrium, limits=law.limits, start=idle
         )
@@ -128,7 +128,7 @@ class Answer:
             return
         state = self._state(self._reference)
         if self._held is None or not np.array_equal(state, self._held):
-            self._regulator.hold(*self._target(state))
+            self._hold(self._target(state))
             self._held = state
 
     def _follow_function(self, reference: Callable[[float], Any], time: float) -> None:
@@ -140,10 +140,15 @@ class Answer:
             return
         still = model.is_discrete or np.array_equal(state, soon)
         if still or not regulators.is_moving(self._scenario, state, soon):
-            self._regulator.hold(*self._target(state))
+            self._hold(self._target(state))
         else:
-            self._regulator.hold(*regulators.moving_target(self._scenario, state, soon))
+            self._hold(regulators.moving_target(self._scenario, state, soon))
         self._held = both
+
+    def _hold(self, held: OperatingPoint) -> None:
+        """Hold a set point, with the gains there."""
+        gains = regulators.feedback_at(self._scenario, held, self._feedback)
+        self._regulator.hold(*held, gains)
 
     def _fitting(self, motion: Motion) -> Motion:
         """Return a motion, after a check that it is one of this model, at its rate."""

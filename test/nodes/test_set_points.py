@@ -51,7 +51,7 @@ def reader():
     held, moved = [], []
     built = scenario(1.0)
     found = ReferenceReader(
-        node, built, lambda *at: held.append(at), moved.append, lambda: '', 0.5, Limits.none(1)
+        node, built, held.append, moved.append, lambda: '', 0.5, Limits.none(1)
     )
     found.held, found.moved = held, moved
     return found

@@ -20,14 +20,14 @@ from kalman_ros.control.feedback import Regulator
 from kalman_ros.control.limiter import Limiter
 from kalman_ros.control.motion import Motion
 from kalman_ros.control.predictive import Prediction
-from kalman_ros.core import Array, Value, is_finite
+from kalman_ros.core import Array, OperatingPoint, Value, is_finite
 from kalman_ros.nodes.middleware import runtime
 from kalman_ros.nodes.middleware.diagnostics import Report
 from kalman_ros.nodes.middleware.meeting import Meeting
 from kalman_ros.nodes.middleware.topics import HISTORY, QUEUE, STATIC, WATCH
 from kalman_ros.pipeline.input_messages import InputEncoder
 from kalman_ros.scenario import Scenario
-from kalman_ros.scenario.regulator import actuators, feedback, tracking
+from kalman_ros.scenario.regulator import actuators, feedback, feedback_at, tracking
 
 from .feed import EstimateFeed
 from .guard import EstimateGuard, guard_limits
@@ -59,9 +59,11 @@ class ControllerNode(runtime.ScenarioNode):
         model, blend = scenario.model, options.transition_time
         bounds, idle = actuators(scenario, asdict(options))
         budget = options.solve_timeout or inf
+        #: The gains about the equilibrium.
+        self._law = feedback(scenario)
         self._regulator = Regulator(
             model.state,
-            feedback(scenario),
+            self._law,
             model.equilibrium,
             blend,
             bounds,
@@ -142,7 +144,7 @@ class ControllerNode(runtime.ScenarioNode):
         """Hold the equilibrium nearest to where a motion has got, and forget what is planned."""
         self._motions.forget()
         if self._regulator.motion is not None:
-            self._regulator.hold(*self._reference.rest_near(self._regulator.target[0]))
+            self._hold_at(self._reference.rest_near(self._regulator.target[0]))
 
     def _resume_motion(self) -> None:
         """Plan a motion that was interrupted from rest where it is now."""
@@ -275,12 +277,15 @@ class ControllerNode(runtime.ScenarioNode):
     def _now(self) -> int:
         return int(self.get_clock().now().nanoseconds)
 
-    def _hold(self, state: Array, input: Array) -> None:
+    def _hold(self, held: OperatingPoint) -> None:
         """Hold a set point, in place of every motion; what comes while it is stopped is not."""
         if self._stop.reason:
             return
+        self._hold_at(held)
         self._motions.forget()
-        self._regulator.hold(state, input)
+
+    def _hold_at(self, held: OperatingPoint) -> None:
+        self._regulator.hold(*held, feedback_at(self.scenario, held, self._law))
 
     def _move(self, motion: Motion) -> None:
         """Follow a set point that moves, in place of every other motion, unless it is stopped."""
@@ -359,13 +364,16 @@ class ControllerNode(runtime.ScenarioNode):
         bounds, idle = actuators(scenario, asdict(options))
         accepted = guard_limits(scenario, options)
         motion, changed = self._regulator.motion, scenario is not self.scenario
-        found, equilibria = self._regulator.feedback, self._reference.equilibria
+        law, equilibria = self._law, self._reference.equilibria
         if changed:  # else the design, which takes tens of milliseconds
-            found, equilibria = feedback(scenario), tracking(scenario)
-
+            law, equilibria = feedback(scenario), tracking(scenario)
+        found = law
+        if motion is None:
+            found = feedback_at(scenario, OperatingPoint(*self._regulator.target), law)
         before = self._regulator.feedback.prediction
 
         def apply() -> None:
+            self._law = law
             self._regulator.adopt(found, options.transition_time, bounds)
             self._name_outside(before, found.prediction)
             self._limiter.adopt(bounds, idle)

@@ -13,7 +13,7 @@ from kalman_ros.codecs.wire import WireReader
 from kalman_ros.control.limiter import Limits
 from kalman_ros.control.motion import Motion
 from kalman_ros.control.tracking import FeedForward
-from kalman_ros.core import Array, Signal
+from kalman_ros.core import Array, OperatingPoint, Signal
 from kalman_ros.nodes.middleware.host import Host
 from kalman_ros.nodes.middleware.topics import QUEUE, on_topic
 from kalman_ros.pipeline.throttle import Throttle
@@ -38,7 +38,7 @@ class ReferenceReader:
     scenario
         The system.
     hold
-        Called with the state (n,) and the input (m,) that holds it.
+        Called with the state (n,) to hold and the input (m,) that holds it.
     move
         Called with the motion of a reference that moves.
     frame
@@ -53,7 +53,7 @@ class ReferenceReader:
         self,
         node: Host,
         scenario: Scenario,
-        hold: Callable[[Array, Array], None],
+        hold: Callable[[OperatingPoint], None],
         move: Callable[[Motion], None],
         frame: Callable[[], str],
         timeout: float,
@@ -85,11 +85,12 @@ class ReferenceReader:
             own = tuple(f'pose.{fields[index][len(_POSE) :]}' for index in given)
             self._subscribe(Signal('goal', 'geometry_msgs/PoseStamped', own), given)
 
-    def rest_near(self, state: Array) -> tuple[Array, Array]:
+    def rest_near(self, state: Array) -> OperatingPoint:
         """Return the state and the input of the equilibrium nearest to a state (n,)."""
         rest = self._scenario.model.equilibrium
         nearest = self.equilibria.nearest(self._space.subtract(state, rest.state))
-        return self._space.add(rest.state, nearest.state), rest.input + nearest.input
+        state = self._space.add(rest.state, nearest.state)
+        return OperatingPoint(state, rest.input + nearest.input)
 
     def _subscribe(self, signal: Signal, given: list[int]) -> None:
         read = WireReader(SignalCodec(signal))
@@ -129,7 +130,7 @@ class ReferenceReader:
                 'that moves'
             )
         check_held(self._scenario, held.input, self._limits)
-        self._hold(*held)
+        self._hold(held)
 
     def _moving(self, before: tuple[int, Array] | None, state: Array, error: ValueError) -> Motion:
         """Return how a state moves on, at the rate since the one before if that is known."""
