@@ -107,18 +107,29 @@ def _run_and_judge(
             bar.update(task, description=f'ROS_DOMAIN_ID={run.domain}')
             if tuning.own.path is not None:
                 publish_path(run, tuning.own.path)
+                _check_planned(run)
             start = time.monotonic()
             run.advance(options.duration, lambda done: bar.update(task, completed=done))
             wall = time.monotonic() - start
             run.complete()
             bar.update(task, completed=options.duration, description='recorded')
             trajectory = run.trajectory()
+            if tuning.own.path is not None:
+                _check_planned(run)
             missed = int(run.reported('plant', 'missed steps'))
     judgement = judge(run.scenario, trajectory)
     if tuning.own.path is not None:
         checks = [*judgement.checks, *_distances(run, trajectory, tuning.own.path)]
         judgement = replace(judgement, checks=checks)
     return Performed(tuning, run, trajectory, wall, missed, judgement)
+
+
+def _check_planned(run: Run) -> None:
+    """Raise ValueError if the controller has refused the path, so that nothing moves."""
+    run.refresh('controller')
+    reason = run.reported('controller', 'reason of the last refusal')
+    if reason:
+        raise ValueError(reason)
 
 
 def _distances(run: Run, trajectory: Trajectory, path: Array) -> list[Check]:

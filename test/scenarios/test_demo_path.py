@@ -23,3 +23,14 @@ def test_the_robot_of_the_example_follows_its_path(tmp_path, capfd):
     assert measured['distance from its end'] < 0.03
     assert 'distance from its end [m]' in capfd.readouterr().out
     assert (tmp_path / 'map.png').stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_a_path_that_is_refused_is_an_error_with_its_reason(tmp_path, capfd):
+    command = [str(FILE), '--out', str(tmp_path), '-p', 'path_speed:=5.0']
+    with pytest.raises(SystemExit) as stop:
+        demo.main(command)
+    assert stop.value.code == 2
+    text = ' '.join(capfd.readouterr().err.split())
+    assert 'demo: reference/path: ' in text
+    assert 'a slower motion' in text
