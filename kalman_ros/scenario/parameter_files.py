@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
 from math import isfinite
 from pathlib import Path
 from sys import float_info
@@ -19,6 +20,8 @@ from yaml.resolver import Resolver
 #: The nodes of a loop, and those that may stand between plant and estimator.
 NODES = ('estimator', 'controller', 'monitor', 'plant')
 BETWEEN = 'microphone_array'
+#: The name of a section as similar as this to that of a node is misspelt.
+_MISSPELT = 0.85
 #: Unquoted words that are strings to PyYAML, and truth values to the YAML of ROS.
 _BARE = tuple('yYnN')
 
@@ -269,8 +272,14 @@ def _document(path: Path | None) -> Mapping[str, Mapping[str, Any]]:
         reason = str(error)
     else:
         if isinstance(found, Mapping) and all(map(_is_section, found.values())):
-            known = ('**', *NODES, BETWEEN)
-            if found and not {str(key).rpartition('/')[2] for key in found}.intersection(known):
+            known, names = ('**', *NODES, BETWEEN), [str(k).rpartition('/')[2] for k in found]
+            for name in names:
+                near = [] if name in known else get_close_matches(name, NODES, 1, _MISSPELT)
+                if near and near[0] not in name:  # a second estimator may be estimator_2
+                    raise ValueError(
+                        f"{path.name}: no node is named '{name}'; did you mean '{near[0]}'?"
+                    )
+            if not set(names).intersection(known):
                 raise ValueError(f'{path.name}: no section is for one of (/{", ".join(known)})')
             return found
         reason = 'not a ROS parameter file: expected NODE: ros__parameters: NAME: VALUE'

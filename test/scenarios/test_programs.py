@@ -331,7 +331,12 @@ def test_help_explains_a_feature_that_is_used_and_only_names_another(environment
         ('a: [1\n', 'not YAML: did not find expected'),
         ('[1, 2]\n', 'not a ROS parameter file: expected NODE: ros__parameters:'),
         ('/**: {model: linear}\n', 'not a ROS parameter file: expected NODE: ros__parameters:'),
-        ('estimtor: {ros__parameters: {rate: 50.0}}\n', 'no section is for one of (/**,'),
+        ('else: {ros__parameters: {rate: 50.0}}\n', 'no section is for one of (/**,'),
+        ('# nothing\n', 'no section is for one of (/**,'),
+        (
+            '/**: {ros__parameters: {rate: 50.0}}\ncontroler: {ros__parameters: {a: 1}}\n',
+            "no node is named 'controler'; did you mean 'controller'?",
+        ),
         ('/**: {ros__parameters: {gps: {measures: [x, y]}}}\n', "measures: write 'y' in quotes"),
         ('/**: [1, 2]\n', 'not a ROS parameter file: expected NODE: ros__parameters:'),
     ],
@@ -344,6 +349,13 @@ def test_a_file_that_is_no_parameter_file_is_one_line(tmp_path, text, says):
         from_file(path, 'plant')
     assert says in str(raised.value)
     assert '\n' not in str(raised.value)
+
+
+def test_sections_of_other_nodes_are_theirs(tmp_path):
+    path = tmp_path / 'robot.yaml'
+    names = '/robot/estimator', 'estimator_2', 'my_controller', 'slam_toolbox', 'planner'
+    path.write_text(''.join(f'{name}: {{ros__parameters: {{rate: 50.0}}}}\n' for name in names))
+    assert 'slam_toolbox' in sections(path)
 
 
 @pytest.mark.thorough
