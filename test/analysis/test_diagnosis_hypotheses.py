@@ -19,6 +19,7 @@ from kalman_ros.analysis.diagnosis.parameters import parameter, parameters
 from kalman_ros.analysis.diagnosis.passage import Passage
 from kalman_ros.analysis.diagnosis.trials import certainty, completeness
 from kalman_ros.analysis.diagnosis.units import conversions
+from kalman_ros.core import Space
 
 
 def edited(evidence, name, change):
@@ -308,3 +309,11 @@ def test_units_go_by_the_unit_of_the_model(spring):
     of_place = conversions(spring.scenario.sensors['position'].sensor.output, (0,))
     assert of_place[0.3048] == 'feet'
     assert 1e5 not in of_place
+
+
+def test_without_a_unit_a_factor_has_all_its_names():
+    bare, metres = Space(('h',), ('',)), Space(('h',), ('m',))
+    assert conversions(bare, (0,))[100.0] == (
+        'metres, where centimetres are expected or hPa (millibars)'
+    )
+    assert 100.0 not in conversions(metres, (0,))

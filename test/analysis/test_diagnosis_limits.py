@@ -233,6 +233,17 @@ def test_hidden_delays_of_stamps_have_limits(tau, gain, seconds, kind):
         np.testing.assert_allclose(moved, readings.stamp + tau)
 
 
+def test_what_has_no_stamp_is_late_since_its_receipt_and_has_no_option():
+    readings = record(np.arange(7.0))
+    found = responding([('stamp', 'position')], -0.3, 0.01, readings)
+    (stamped,) = lateness.hidden(found)
+    found.evidence = replace(found.evidence, headerless=frozenset({'position'}))
+    (received,) = lateness.hidden(found)
+    assert 'before their stamps: they are stamped on receipt' in stamped.sentence
+    assert received.kind == 'stamps late' and received.change == {}
+    assert 'before their receipt. Publish a type with a header' in received.sentence
+
+
 @pytest.mark.parametrize(('drift', 'found'), [(0.9e-3, True), (1.1e-3, False)])
 def test_stamps_of_a_clock_that_drifts_are_not_late(drift, found):
     stamp = np.arange(100.0)

@@ -14,6 +14,7 @@ from math import degrees
 import numpy as np
 
 from kalman_ros.core import Array, Space, rotations
+from kalman_ros.core.quantity import quantities
 
 from .evidence import Evidence
 from .examination import CHANCE, Examination
@@ -139,7 +140,7 @@ def _turned(case: Examination, vectors: Vectors, turn: Array, gain: float) -> Fi
     members = [space.names[i] for vector in vectors for i in vector]
     listed = '' if len(members) == space.size else f' {", ".join(members)}'
     sentence = f'the input{listed} acts as if turned by {by:+.3g} deg: its axes are others.'
-    if len(turn) == 3:
+    if len(turn) == 3 and quantities(case.evidence.scenario.input.fields):
         angles = ', '.join(f'{angle:.4g}' for angle in rotations.to_euler(rotations.log(turn)))
         sentence += f' If it is that of an instrument, input.mount.rotation: [{angles}] mends it.'
 

@@ -104,15 +104,20 @@ def _shifted(evidence: Evidence, name: str, before: float, fit: Fit) -> Finding:
             return None
         return _shifted(evidence, name, tau, more)
 
+    change = {option: round(float(evidence.parameters.get(option, 0.0)) + tau, 4)}
+    side, when = 'after', 'too early'
+    if tau < 0.0:
+        side, when = 'before', 'on receipt, not when they are taken'
+    words = f'stamps: they are stamped {when}. Stamp them when they are taken, or set the offset.'
+    if name in evidence.headerless:
+        change, words = {}, 'receipt. Publish a type with a header, stamped when they are taken.'
     return Finding(
         'stamps late' if tau < 0.0 else 'stamps early',
         name,
-        f'readings of {name} fit the state {abs(tau):.4g} ± {fit.std[0]:.1g} s '
-        f'{"before" if tau < 0.0 else "after"} their stamps: they are stamped '
-        f'{"on receipt, not when they are taken" if tau < 0 else "too early"}. Stamp '
-        'them when they are taken, or set the offset.',
+        f'readings of {name} fit the state {abs(tau):.4g} ± {fit.std[0]:.1g} s {side} their '
+        + words,
         fit.gain**0.5,
-        {option: round(float(evidence.parameters.get(option, 0.0)) + tau, 4)},
+        change,
         gain=fit.gain,
         figure=picture(name, record, 'latency'),
         mended=partial(_shift_stamps, evidence, name, tau),

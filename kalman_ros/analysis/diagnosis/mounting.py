@@ -11,7 +11,7 @@ from math import degrees
 import numpy as np
 
 from kalman_ros.core import Array, Space, rotations
-from kalman_ros.core.quantity import quantity
+from kalman_ros.core.quantity import quantities, quantity
 from kalman_ros.sensors.landmarks import Landmarks
 
 from .alignment import aligned
@@ -118,7 +118,7 @@ def turned(
         if quarter
         else ''
     )
-    if len(turn) == 3:
+    if len(turn) == 3 and quantities(case.evidence.scenario.sensors[name].signal.fields):
         angles = ', '.join(f'{euler:.4g}' for euler in rotations.to_euler(rotations.log(turn)))
         why += f' If it is a vector of the body, {name}.mount.rotation: [{angles}] says the same.'
     return Finding(

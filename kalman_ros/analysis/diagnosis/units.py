@@ -217,9 +217,11 @@ def _likeliest_factor(
 def conversions(space: Space, group: tuple[int, ...]) -> dict[float, str]:
     """Return the factors of `UNITS` that apply to a group of coordinates, with their units."""
     group_units = {space.units[index] for index in group}
-    return {
-        factor: text for factor, text, units in UNITS if not units or group_units <= {'', *units}
-    }
+    found: dict[float, str] = {}
+    for factor, text, units in UNITS:
+        if not units or group_units <= {'', *units}:
+            found[factor] = f'{found[factor]} or {text}' if factor in found else text
+    return found
 
 
 def scaling(case: Examination, name: str, group: tuple[int, ...], factor: float) -> Array:
