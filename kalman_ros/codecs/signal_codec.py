@@ -10,7 +10,7 @@ import numpy as np
 
 from kalman_ros.core import Array, Signal
 
-from .covariances import Block, blocks, declaring, flat_indices, refuse_absent
+from .covariances import AbsentError, Block, blocks, declaring, flat_indices, refuse_absent
 from .messages import message_type, write_stamp
 from .numbers import converter
 from .paths import (
@@ -26,6 +26,9 @@ from .paths import (
     write_euler,
     write_vector,
 )
+
+#: A type whose definition asks for ranges outside of its limits to be discarded.
+_RANGE = 'sensor_msgs/Range'
 
 
 class SignalCodec:
@@ -60,6 +63,7 @@ class SignalCodec:
         self._readers = [reader(path, self.message) for path in self._paths]
         #: Covariances that may declare a field as absent.
         self.declaring = declaring(self._paths, self.message)
+        self._has_limits = signal.type == _RANGE and 'range' in signal.fields
         covered = sum(len(block.own) for block in self._blocks)
         self.carries_covariance = covered == self.size
         self.has_covariance = covered > 0
@@ -84,10 +88,12 @@ class SignalCodec:
         LookupError
             If an array of the message is too short or lacks a name.
         AbsentError
-            If the message declares a field as absent.
+            If the message declares a field as absent, or its range is beyond its limits.
         """
         if self.declaring:
             refuse_absent(self.declaring, self.declarations(message))
+        if self._has_limits:
+            _refuse_beyond(message)
         return np.array([read(message) for read in self._readers], dtype=float)
 
     def declarations(self, message: Any) -> list[float]:
@@ -122,6 +128,13 @@ class SignalCodec:
             for view, rows, indices in self._covariances:
                 view[rows] = flat[indices]
         return self.message
+
+
+def _refuse_beyond(message: Any) -> None:
+    """Raise AbsentError if a range is outside of the limits of its message, if that has any."""
+    low, high, found = message.min_range, message.max_range, message.range
+    if low < high and (found < low or found > high):
+        raise AbsentError(f'range {found:.4g} is outside of {low:.4g} to {high:.4g}')
 
 
 def named(values: Signal, names: tuple[str, ...]) -> Signal:

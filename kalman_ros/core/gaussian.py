@@ -14,6 +14,9 @@ from kalman_ros.linear.matrices import Array, ArrayLike, check_real
 from .known_arguments import knows_arguments
 from .known_names import KnownNames
 
+#: Entries of a covariance that differ by less than this, relative to the largest, are the same.
+_SYMMETRIC = 1e-6
+
 G = TypeVar('G', bound='Gaussian')
 
 
@@ -30,12 +33,12 @@ class Gaussian(KnownNames, _Moments):
     mean
         Its mean (n,).
     covariance
-        Its covariance (n, n).
+        Its covariance (n, n); a list is its diagonal, and a number that of all.
 
     Raises
     ------
     ValueError
-        If the sizes do not match.
+        If the sizes do not match, or the covariance is not symmetric.
 
     Examples
     --------
@@ -62,11 +65,16 @@ class Gaussian(KnownNames, _Moments):
         x, P = np.asarray(mean, dtype=float), np.asarray(covariance, dtype=float)
         if x.ndim == 0:
             raise ValueError(f'mean: expected a vector, got the number {x}')
+        if P.ndim < 2 and x.ndim == 1 and P.shape in ((), x.shape):
+            P = np.diag(np.broadcast_to(P, x.shape))
         if P.shape != x.shape + x.shape[-1:]:
             expected = ' x '.join(map(str, x.shape + x.shape[-1:]))
             got = ' x '.join(map(str, P.shape)) or f'the number {P}'
             numbers = f'{x.size} number{"" if x.size == 1 else "s"}'
             raise ValueError(f'covariance: expected {expected} for a mean of {numbers}, got {got}')
+        skew = np.abs(P - P.swapaxes(-1, -2)) if np.isfinite(P).all() else np.zeros(1)
+        if (skew > _SYMMETRIC * np.abs(P).max(initial=0.0)).any():
+            raise ValueError('covariance: expected a symmetric matrix')
         return super().__new__(cls, x, P)
 
     @property

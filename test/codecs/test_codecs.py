@@ -4,6 +4,7 @@
 import os
 import struct
 import sys
+from math import inf, nan
 from time import monotonic, process_time
 from types import SimpleNamespace
 
@@ -21,6 +22,7 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 
 from kalman_ros.codecs import layout, wire
+from kalman_ros.codecs.covariances import AbsentError
 from kalman_ros.codecs.messages import (
     UndecodableError,
     frame_and_end,
@@ -536,3 +538,34 @@ def test_a_package_whose_libraries_are_missing_is_refused_in_one_line(monkeypatc
     monkeypatch.setitem(sys.modules, 'built_msgs.msg', package)
     with pytest.raises(ValueError, match="cannot load the libraries of 'built_msgs'"):
         message_type('built_msgs/Thing')
+
+
+@pytest.mark.parametrize(
+    ('low', 'high', 'read', 'reason'),
+    [
+        (0.5, 2.0, 5.0, 'range 5 is outside of 0.5 to 2'),
+        (0.5, 2.0, 0.25, 'range 0.25 is outside of 0.5 to 2'),
+        (0.5, 2.0, inf, 'range inf is outside of 0.5 to 2'),
+        (0.5, 2.0, 2.0, ''),
+        (0.5, 2.0, 0.5, ''),
+        (0.5, inf, 80.0, ''),
+        (0.0, 0.0, 5.0, ''),
+    ],
+)
+def test_a_range_beyond_the_limits_of_its_message_is_none(low, high, read, reason):
+    codec = SignalCodec(Signal('range', 'sensor_msgs/Range', ('range',)))
+    message = codec.message_type(min_range=low, max_range=high, range=read)
+    if reason:
+        with pytest.raises(AbsentError, match=f'^{reason}$'):
+            codec.decode(message)
+        with pytest.raises(AbsentError):
+            WireReader(codec)(bytes(serialize_message(message)))
+    else:
+        assert codec.decode(message) == [read]
+        assert WireReader(codec)(bytes(serialize_message(message))).values == [read]
+
+
+def test_a_range_that_is_no_number_is_left_to_the_filter_to_refuse():
+    codec = SignalCodec(Signal('range', 'sensor_msgs/Range', ('range',)))
+    message = codec.message_type(min_range=0.5, max_range=2.0, range=nan)
+    assert np.isnan(codec.decode(message)).all()

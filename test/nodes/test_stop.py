@@ -11,6 +11,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Bool, Empty
 from std_srvs.srv import SetBool, Trigger
 
+from kalman_ros.core import OperatingPoint
 from kalman_ros.nodes.controller.node import ControllerNode
 from kalman_ros.nodes.controller.stop import Heartbeat, Stop
 from kalman_ros.nodes.middleware.connections import Connections
@@ -199,18 +200,18 @@ def test_what_is_asked_for_while_it_is_stopped_is_forgotten(pair):
     state, input = node.scenario.model.equilibrium
     before = node._regulator.target[0].copy()
     ask(node, 'stop', Trigger)
-    node._hold(state + 0.5, input)
+    node._hold(OperatingPoint(state + 0.5, input))
     ask(node, 'reset', Trigger)
     ask(node, 'enable', SetBool, data=True)
     assert (node._regulator.target[0] == before).all()
-    node._hold(state + 0.5, input)
+    node._hold(OperatingPoint(state + 0.5, input))
     assert (node._regulator.target[0] == state + 0.5).all()
 
 
 def test_a_set_point_ends_what_is_planned(pair):
     node = pair(ControllerNode).node
     node._motions._wanted = lambda: None
-    node._hold(*node.scenario.model.equilibrium)
+    node._hold(node.scenario.model.equilibrium)
     assert node._motions._wanted is None
 
 
@@ -267,7 +268,7 @@ def test_gains_that_are_ready_after_the_end_of_a_motion_do_not_start_it_again(pa
     assert again.states is motion.states
     assert since == 0.0 and node._regulator.elapsed == pytest.approx(0.1)
     node._motions.regain(motion, node.scenario)
-    node._hold(*node.scenario.model.equilibrium)
+    node._hold(node.scenario.model.equilibrium)
     assert taken(node, seconds=0.5) is None
 
 

@@ -28,7 +28,7 @@ def test_a_datum_comes_back_to_a_tenth_of_a_millimetre(tmp_path):
 @pytest.mark.parametrize(
     ('text', 'why'),
     [
-        ('', 'expected a datum, got None'),
+        ('', 'no section is for one of'),
         ('- 1\n', 'not a ROS parameter file'),
         ('[{', 'not YAML'),
         ('/**: {ros__parameters: {datum: here}}', "expected a datum, got 'here'"),

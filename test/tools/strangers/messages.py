@@ -118,8 +118,8 @@ def joint(name: str, field: int) -> Form:
 
 
 def _range(stamp: int, y: Sequence[float]) -> bytes:
-    """Return a distance, without a variance."""
-    return Body().header(stamp, 'base_link').put('B', 0).put('f', 0.1, 0, 100, y[0], 0).done()
+    """Return a distance, without a variance or limits, since some are of either sign."""
+    return Body().header(stamp, 'base_link').put('B', 0).put('f', 0.1, 0, 0, y[0], 0).done()
 
 
 def _scalar(stamp: int, y: Sequence[float]) -> bytes:
