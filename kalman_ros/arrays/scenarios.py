@@ -156,7 +156,8 @@ def make_scenario(
     filter
         By default ``'kf'`` if all is linear, else ``'ekf'``.
     law, law_options
-        ``'lqr'``, ``'placement'`` or ``'lqi'``, with options such as ``{'tracked': ['x']}``.
+        ``'lqr'``, ``'placement'``, ``'lqi'`` or ``'mpc'``, with options such as
+        ``{'tracked': ['x']}``.
 
     Raises
     ------

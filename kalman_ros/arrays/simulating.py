@@ -138,8 +138,8 @@ def simulate(
 ) -> SimulatedRun:
     """Return the run of a loop: plant, estimator and regulator in this process, as in lockstep.
 
-    The regulator is that of the controller node: the law of the scenario (lqr, placement, lqi),
-    its limits and references.
+    The regulator is that of the controller node: the law of the scenario (lqr, placement, lqi
+    or mpc), its limits and references.
 
     Parameters
     ----------

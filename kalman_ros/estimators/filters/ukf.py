@@ -29,6 +29,8 @@ Kappa = Annotated[float, About('second spread; n + kappa must be positive')]
 class UnscentedKalmanFilter(SmoothableFilter):
     """A Kalman filter that propagates 2n + 1 points through the model and the sensors.
 
+    The mean of an angle is the direction of the weighted sum of unit vectors: see `Space.mean`.
+
     Parameters
     ----------
     model
