@@ -58,7 +58,8 @@ def _law(
             if value is not None:
                 raise ValueError(f'{name}: expected none, for the model has no input')
         return None
-    law = Law(believed, _feedback(believed, given.gain), limits, given.reference, idle)
+    gains, fixed = _feedback(believed, given.gain), given.gain is not None
+    law = Law(believed, gains, limits, given.reference, idle, fixed)
     law()  # a reference that no input holds is refused
     return law
 

@@ -251,8 +251,8 @@ class Regulator(KnownNames):
 
     @property
     def gain(self) -> Array:
-        """K (m, n)."""
-        return self._law.feedback.gain
+        """K (m, n), about what it holds."""
+        return self._answer.gain
 
     @property
     def target(self) -> Array:

@@ -95,13 +95,13 @@ class Regulator:
         start: Array | None = None,
     ) -> None:
         self._start = np.zeros(len(feedback.gain)) if start is None else start
-        self._space, self._feedback, self._blend = space, feedback, blend
+        self._space, self._blend = space, blend
+        #: The gains of the law, and those in use, about what is held.
+        self._law = self._feedback = feedback
         self._limits = limits or Limits.none(len(feedback.gain))
         self._budget = budget
         self._predictor = self._predictor_of(feedback)
         self._motion: Motion | None = None
-        #: The motion whose last state is held.
-        self._ended: Motion | None = None
         self._elapsed = 0.0
         self._aim = Aim(*target)
         self._integral: Array = np.zeros(len(feedback.tracked))
@@ -139,12 +139,11 @@ class Regulator:
     def hold(self, state: Array, input: Array, feedback: Feedback | None = None) -> None:
         """Hold a state (n,) with an input (m,) from now on; a motion ends without a jump.
 
-        The gains become those of the ``feedback`` there, if it is given.
+        The gains are those of the ``feedback`` there, by default of the law.
         """
-        moving, self._motion, self._ended = self._motion, None, None
+        moving, self._motion = self._motion, None
         self._elapsed = 0.0
-        if feedback is not None and feedback is not self._feedback:
-            self._use(feedback)
+        self._use(feedback or self._law)
         self._aim = Aim(state, input)
         if moving is not None:
             self._continue()
@@ -155,7 +154,8 @@ class Regulator:
         Its time is the sum of the ``dt`` of `propose`, so that it waits while there is none. The
         input is continuous if it is ``smooth``.
         """
-        self._motion, self._ended, self._elapsed, self._begun = motion, None, elapsed, False
+        self._use(self._law)
+        self._motion, self._elapsed, self._begun = motion, elapsed, False
         self._aim = motion.at(elapsed)
         if smooth:
             self._continue()
@@ -170,18 +170,27 @@ class Regulator:
             return None
         return Predictor(feedback.prediction, self._limits, self._budget)
 
-    def adopt(self, feedback: Feedback, blend: float, limits: Limits | None = None) -> None:
-        """Use other gains, and limits if given, from now on; the input is continuous."""
-        if limits is not None:
-            self._limits = limits
-        if feedback is not self._feedback or limits is not None:
-            self._use(feedback)
-        self._blend = blend
+    def adopt(
+        self,
+        law: Feedback,
+        blend: float,
+        limits: Limits | None = None,
+        held: Feedback | None = None,
+    ) -> None:
+        """Use other gains, and limits if given, from now on; the input is continuous.
+
+        Those ``held`` are the gains about what is held, by default those of the law.
+        """
+        self._law, self._blend = law, blend
+        self._use(held or law, limits)
         if self._motion is None:
-            self._aim, self._ended = Aim(*self.target), None
+            self._aim = Aim(*self.target)
         self._continue()
 
-    def _use(self, feedback: Feedback) -> None:
+    def _use(self, feedback: Feedback, limits: Limits | None = None) -> None:
+        if feedback is self._feedback and limits is None:
+            return
+        self._limits = limits or self._limits
         self._predictor = self._predictor_of(feedback)
         if feedback.tracked != self._feedback.tracked:
             self._integral = np.zeros(len(feedback.tracked))
@@ -216,7 +225,10 @@ class Regulator:
         self._begun = True
         self._aim = motion.at(self._elapsed)
         if self._elapsed >= motion.duration:
-            self._motion, self._ended = None, motion
+            self._motion = None
+            if motion.rest is not None:
+                self._use(motion.rest)
+                self._aim = Aim(*self.target)
 
     def applied(self, x: Array, wanted: Array, u: Array, dt: float) -> None:
         """Record that ``u`` (m,) was applied where ``wanted`` (m,) had been proposed."""
@@ -234,7 +246,7 @@ class Regulator:
         """Return what the limits add to an input (m,)."""
         if self._motion is None and not self._feedback.gain.any():
             return np.zeros_like(u)  # it is not regulated at rest
-        moving = self._motion or self._ended
+        moving = self._motion
         if moving is not None and moving.gains is not None and moving.differences is None:
             return np.zeros_like(u)  # how differences from it move is not known
         error = self._space.subtract(x, self._aim.state)
@@ -243,12 +255,11 @@ class Regulator:
 
     def _ahead(self, steps: int) -> Motion:
         """Return the reference from now on, with the jump that decays as part of its input."""
-        moving = self._motion or self._ended
-        if moving is None:
+        if self._motion is None:
             state, input, _ = self._aim
             ahead = Motion(self._space, 0.0, state[np.newaxis], input[np.newaxis])
         else:
-            ahead = moving.ahead(self._elapsed, steps)
+            ahead = self._motion.ahead(self._elapsed, steps)
         alone = self._jump.ndim == 1 and self._jump.any()
         return replace(ahead, inputs=ahead.inputs + self._jump) if alone else ahead
 

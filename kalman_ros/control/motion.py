@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -59,6 +59,8 @@ class Motion:
         K_k (N + 1, m, n) of the time-varying regulator; None for the gain of the law.
     differences
         How differences from it move; None where the gain is that of the law.
+    rest
+        The `feedback.Feedback` about its last state; None where it is that of the law.
     """
 
     space: Space
@@ -67,6 +69,7 @@ class Motion:
     inputs: Array
     gains: Array | None = None
     differences: Differences | None = None
+    rest: Any = None
 
     def __repr__(self) -> str:
         kind = 'the gains of the law' if self.gains is None else 'time-varying gains'
@@ -124,6 +127,7 @@ class Motion:
             inputs=self.inputs[steps],
             gains=gains,
             differences=differences,
+            rest=None,
         )
 
     def then(self, next: Motion) -> Motion:

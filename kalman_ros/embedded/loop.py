@@ -218,5 +218,5 @@ def _law(scenario: Scenario, limits: Limits, idle: Array, motion: Motion | None)
         limits,
         model.equilibrium,
         regulators.tracking(scenario),
-        motion,
+        None if motion is None else replace(motion, rest=None),
     )

@@ -9,6 +9,7 @@ from math import inf
 
 import numpy as np
 
+from kalman_ros.control.feedback import Feedback
 from kalman_ros.control.laws import OPTIMAL, WITHIN_LIMITS
 from kalman_ros.control.limiter import Limits
 from kalman_ros.control.lqr import Cost, dlqr
@@ -16,9 +17,9 @@ from kalman_ros.control.motion import Motion
 from kalman_ros.control.moving_point import steady_input
 from kalman_ros.control.planning import ReferenceMotion, fit
 from kalman_ros.control.time_varying import cost_along, linearized_along, with_gains
-from kalman_ros.core import Array, DesignError, in_continuous_time, is_finite
+from kalman_ros.core import Array, DesignError, OperatingPoint, in_continuous_time, is_finite
 
-from .regulator import feedback, steered, tracking, weights_of
+from .regulator import SetPointGains, feedback, steered, tracking, weights_of
 from .scenario import Scenario
 
 #: A motion comes as near as this share of the tolerance, if it can.
@@ -111,18 +112,29 @@ def _swerving(scenario: Scenario, reference: ReferenceMotion, amount: float) -> 
 
 
 def with_law(scenario: Scenario, motion: Motion) -> Motion:
-    """Return a motion with the gains of a scenario's law."""
-    if scenario.law not in OPTIMAL or scenario.model.is_linear:
+    """Return a motion with the gains of a scenario's law, also about its last state."""
+    if scenario.model.is_linear:
+        return motion
+    law = feedback(scenario)
+    motion = replace(motion, rest=_at_rest(scenario, motion, law))
+    if scenario.law not in OPTIMAL:
         return motion
     found = with_gains(scenario.model, motion, weights_of(scenario))
     assert found.gains is not None
     if scenario.law not in WITHIN_LIMITS:  # nothing is predicted
         found = replace(found, differences=None)
     assert found.gains is not None
-    steady = feedback(scenario).gain
+    steady = law.gain
     if np.allclose(found.gains[-1], steady, rtol=_SAME, atol=_SAME * np.abs(steady).max()):
         found.gains[-1] = steady  # to the last bit what the law does at rest
     return found
+
+
+def _at_rest(scenario: Scenario, motion: Motion, law: Feedback) -> Feedback | None:
+    """Return the gains about the last state of a motion; None where they are those of the law."""
+    end = OperatingPoint(motion.states[-1], motion.inputs[-1])
+    found = SetPointGains(scenario, law).where_possible(end)
+    return None if found is law else found
 
 
 def moving_point(
@@ -172,11 +184,15 @@ def moving_point(
     states[-1] = model.state.add(rest.state, there.state)
     inputs.append(rest.input + there.input)
     motion = Motion(model.state, dt, np.array(states), np.array(inputs))
-    if scenario.law not in OPTIMAL or model.is_linear:
+    if model.is_linear:
         return motion
-    gains = np.empty((len(states), *feedback(scenario).gain.shape))
+    law = feedback(scenario)
+    motion = replace(motion, rest=_at_rest(scenario, motion, law))
+    if scenario.law not in OPTIMAL:
+        return motion
+    gains = np.empty((len(states), *law.gain.shape))
     gains[:] = _gain_at(scenario, state, inputs[0])
-    gains[-1] = feedback(scenario).gain
+    gains[-1] = (motion.rest or law).gain
     return replace(motion, gains=gains)
 
 

@@ -21,7 +21,7 @@ from yaml.resolver import Resolver
 NODES = ('estimator', 'controller', 'monitor', 'plant')
 BETWEEN = 'microphone_array'
 #: The name of a section as similar as this to that of a node is misspelt.
-_MISSPELT = 0.85
+_MISSPELT = 0.93
 #: Unquoted words that are strings to PyYAML, and truth values to the YAML of ROS.
 _BARE = tuple('yYnN')
 
@@ -274,7 +274,7 @@ def _document(path: Path | None) -> Mapping[str, Mapping[str, Any]]:
         if isinstance(found, Mapping) and all(map(_is_section, found.values())):
             known, names = ('**', *NODES, BETWEEN), [str(k).rpartition('/')[2] for k in found]
             for name in names:
-                near = [] if name in known else get_close_matches(name, NODES, 1, _MISSPELT)
+                near = [] if name in known else get_close_matches(name, known, 1, _MISSPELT)
                 if near and near[0] not in name:  # a second estimator may be estimator_2
                     raise ValueError(
                         f"{path.name}: no node is named '{name}'; did you mean '{near[0]}'?"

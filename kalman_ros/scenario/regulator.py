@@ -118,6 +118,39 @@ def feedback_at(scenario: Scenario, held: OperatingPoint, known: Feedback) -> Fe
     return feedback(scenario, OperatingPoint(*map(_without_rounding, model.equilibrium, held)))
 
 
+class SetPointGains:
+    """The gains of a law about set points, of which those of the last one are kept.
+
+    Parameters
+    ----------
+    scenario
+        The system.
+    law
+        The gains about its equilibrium.
+    fixed
+        Whether these are used everywhere, as if somebody has computed them.
+    """
+
+    def __init__(self, scenario: Scenario, law: Feedback, *, fixed: bool = False) -> None:
+        self._scenario, self.law, self._fixed = scenario, law, fixed
+        self._last: tuple[OperatingPoint, Feedback] = scenario.model.equilibrium, law
+
+    def at(self, held: OperatingPoint) -> Feedback:
+        """Return the gains about a set point; DesignError if the law has no solution there."""
+        if self._fixed:
+            return self.law
+        if not all(map(np.array_equal, held, self._last[0])):
+            self._last = held, feedback_at(self._scenario, held, self.law)
+        return self._last[1]
+
+    def where_possible(self, held: OperatingPoint) -> Feedback:
+        """Return the gains about a point, or those of the law where it has no solution."""
+        try:
+            return self.at(held)
+        except (ValueError, ArithmeticError, np.linalg.LinAlgError):
+            return self.law
+
+
 def _without_rounding(here: Array, there: Array) -> Array:
     """Return ``there``; coordinates that differ by rounding alone are as ``here``."""
     change = np.abs(there - here)

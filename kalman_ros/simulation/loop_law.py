@@ -28,7 +28,8 @@ Reference = Union[ArrayLike, Mapping[str, float], Callable[[float], Any], Motion
 class Law:
     """Law of a controller: gains, limits and reference; a call returns the controller.
 
-    The input begins at the ``idle`` one (m,), zero by default.
+    The input begins at the ``idle`` one (m,), zero by default. Gains that are ``fixed`` are the
+    caller's, for every set point.
     """
 
     scenario: Scenario
@@ -36,6 +37,7 @@ class Law:
     limits: Limits
     reference: Reference
     idle: Array | None = None
+    fixed: bool = False
 
     def __call__(self) -> Answer:
         """Return the controller at its start."""
@@ -67,7 +69,8 @@ class Answer:
         self._scenario = scenario = law.scenario
         model = scenario.model
         idle = np.zeros(model.input.size) if law.idle is None else law.idle
-        self._limits, self._feedback = law.limits, law.feedback
+        self._limits = law.limits
+        self._gains = regulators.SetPointGains(scenario, law.feedback, fixed=law.fixed)
         self._regulator = Regulator(
             model.state, law.feedback, model.equilibrium, limits=law.limits, start=idle
         )
@@ -94,6 +97,11 @@ class Answer:
     def limited(self) -> Any:
         """Number of inputs that a limit has changed."""
         return self._limiter.limited
+
+    @property
+    def gain(self) -> Array:
+        """K (m, n), about what is held."""
+        return self._regulator.feedback.gain
 
     @property
     def target(self) -> Array:
@@ -147,8 +155,7 @@ class Answer:
 
     def _hold(self, held: OperatingPoint) -> None:
         """Hold a set point, with the gains there."""
-        gains = regulators.feedback_at(self._scenario, held, self._feedback)
-        self._regulator.hold(*held, gains)
+        self._regulator.hold(*held, self._gains.at(held))
 
     def _fitting(self, motion: Motion) -> Motion:
         """Return a motion, after a check that it is one of this model, at its rate."""

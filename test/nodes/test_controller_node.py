@@ -4,10 +4,12 @@
 import numpy as np
 import pytest
 from rclpy.parameter import Parameter
+from std_msgs.msg import Bool
 
-from kalman_ros.core import OperatingPoint
+from kalman_ros.control.motion import Motion
+from kalman_ros.core import DesignError, OperatingPoint
 from kalman_ros.nodes.controller.node import ControllerNode
-from kalman_ros.scenario import shipped
+from kalman_ros.scenario import regulator, shipped
 from kalman_ros.scenario.regulator import feedback, feedback_at
 
 X = np.array([1.0, -2.0, 0.5, 3.0])
@@ -46,3 +48,23 @@ def test_other_weights_and_limits_keep_the_gains_about_the_set_point(pair, name,
     np.testing.assert_array_equal(node._regulator.target[0], held.state)
     node._hold(OperatingPoint(*rest))
     np.testing.assert_array_equal(node._regulator.feedback.gain, feedback(node.scenario).gain)
+
+
+def test_a_stop_ends_a_motion_also_where_the_law_has_no_gains(pair, monkeypatch):
+    file = str(shipped.file('robot_2d'))
+    node = pair(ControllerNode, file, **{'model_parameters.command_time': '0.2'}).node
+    rest, law = node.scenario.model.equilibrium, node._gains.law
+    states = np.tile(rest.state + 2.5 * (np.arange(8) == 2), (50, 1))
+    node._regulator.follow_motion(
+        Motion(node.scenario.model.state, 0.01, states, np.tile(rest.input, (50, 1)))
+    )
+
+    def none(*arguments):
+        raise DesignError('no input moves it there')
+
+    monkeypatch.setattr(regulator, 'feedback_at', none)
+    node._on_stop(Bool(data=True))
+    assert node._regulator.motion is None and node._regulator.feedback is law
+    assert not node._stop.reset()  # the topic is still true
+    with pytest.raises(DesignError):
+        node._gains.at(OperatingPoint(states[0], rest.input))

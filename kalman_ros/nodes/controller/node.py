@@ -27,7 +27,7 @@ from kalman_ros.nodes.middleware.meeting import Meeting
 from kalman_ros.nodes.middleware.topics import HISTORY, QUEUE, STATIC, WATCH
 from kalman_ros.pipeline.input_messages import InputEncoder
 from kalman_ros.scenario import Scenario
-from kalman_ros.scenario.regulator import actuators, feedback, feedback_at, tracking
+from kalman_ros.scenario.regulator import SetPointGains, actuators, feedback, tracking
 
 from .feed import EstimateFeed
 from .guard import EstimateGuard, guard_limits
@@ -59,11 +59,10 @@ class ControllerNode(runtime.ScenarioNode):
         model, blend = scenario.model, options.transition_time
         bounds, idle = actuators(scenario, asdict(options))
         budget = options.solve_timeout or inf
-        #: The gains about the equilibrium.
-        self._law = feedback(scenario)
+        self._gains = SetPointGains(scenario, feedback(scenario))
         self._regulator = Regulator(
             model.state,
-            self._law,
+            self._gains.law,
             model.equilibrium,
             blend,
             bounds,
@@ -144,7 +143,8 @@ class ControllerNode(runtime.ScenarioNode):
         """Hold the equilibrium nearest to where a motion has got, and forget what is planned."""
         self._motions.forget()
         if self._regulator.motion is not None:
-            self._hold_at(self._reference.rest_near(self._regulator.target[0]))
+            held = self._reference.rest_near(self._regulator.target[0])
+            self._regulator.hold(*held, self._gains.where_possible(held))
 
     def _resume_motion(self) -> None:
         """Plan a motion that was interrupted from rest where it is now."""
@@ -281,11 +281,9 @@ class ControllerNode(runtime.ScenarioNode):
         """Hold a set point, in place of every motion; what comes while it is stopped is not."""
         if self._stop.reason:
             return
-        self._hold_at(held)
+        gains = self._gains.at(held)
         self._motions.forget()
-
-    def _hold_at(self, held: OperatingPoint) -> None:
-        self._regulator.hold(*held, feedback_at(self.scenario, held, self._law))
+        self._regulator.hold(*held, gains)
 
     def _move(self, motion: Motion) -> None:
         """Follow a set point that moves, in place of every other motion, unless it is stopped."""
@@ -364,17 +362,17 @@ class ControllerNode(runtime.ScenarioNode):
         bounds, idle = actuators(scenario, asdict(options))
         accepted = guard_limits(scenario, options)
         motion, changed = self._regulator.motion, scenario is not self.scenario
-        law, equilibria = self._law, self._reference.equilibria
+        gains, equilibria = self._gains, self._reference.equilibria
         if changed:  # else the design, which takes tens of milliseconds
-            law, equilibria = feedback(scenario), tracking(scenario)
-        found = law
+            gains, equilibria = SetPointGains(scenario, feedback(scenario)), tracking(scenario)
+        found = gains.law
         if motion is None:
-            found = feedback_at(scenario, OperatingPoint(*self._regulator.target), law)
+            found = gains.at(OperatingPoint(*self._regulator.target))
         before = self._regulator.feedback.prediction
 
         def apply() -> None:
-            self._law = law
-            self._regulator.adopt(found, options.transition_time, bounds)
+            self._gains = gains
+            self._regulator.adopt(gains.law, options.transition_time, bounds, found)
             self._name_outside(before, found.prediction)
             self._limiter.adopt(bounds, idle)
             self._guard.adopt(*accepted)
