@@ -136,18 +136,21 @@ class SetPointGains:
         self._last: tuple[OperatingPoint, Feedback] = scenario.model.equilibrium, law
 
     def at(self, held: OperatingPoint) -> Feedback:
-        """Return the gains about a set point; DesignError if the law has no solution there."""
+        """Return the gains about a set point; DesignError if the law has none there."""
         if self._fixed:
             return self.law
         if not all(map(np.array_equal, held, self._last[0])):
-            self._last = held, feedback_at(self._scenario, held, self.law)
+            try:
+                self._last = held, feedback_at(self._scenario, held, self.law)
+            except (ArithmeticError, ValueError) as error:
+                raise DesignError(f'reference: the law has no gains there: {error}') from None
         return self._last[1]
 
     def where_possible(self, held: OperatingPoint) -> Feedback:
         """Return the gains about a point, or those of the law where it has no solution."""
         try:
             return self.at(held)
-        except (ValueError, ArithmeticError, np.linalg.LinAlgError):
+        except DesignError:
             return self.law
 
 

@@ -11,7 +11,8 @@ from kalman_ros import scenario
 from kalman_ros.control.feedback import Regulator
 from kalman_ros.control.limiter import limits_of
 from kalman_ros.control.motion import Motion
-from kalman_ros.core import OperatingPoint
+from kalman_ros.core import DesignError, OperatingPoint
+from kalman_ros.scenario import regulator as regulators
 from kalman_ros.scenario.motions import motion_of, moving_point, with_law
 from kalman_ros.scenario.reference_motions import in_time
 from kalman_ros.scenario.regulator import SetPointGains, feedback, feedback_at, steered
@@ -197,3 +198,18 @@ def test_a_set_point_changes_what_is_predicted():
     assert not np.allclose(regulator.feedback.prediction.F, feedback(found).prediction.F)
     regulator.adopt(replace(feedback(found)), 0.0)
     np.testing.assert_array_equal(regulator.feedback.gain, feedback(found).gain)
+
+
+@pytest.mark.parametrize('error', [ZeroDivisionError, np.linalg.LinAlgError, ValueError])
+def test_a_place_where_there_are_no_gains_is_refused_in_a_sentence(error, monkeypatch):
+    found = built()
+    gains = SetPointGains(found, feedback(found))
+
+    def fails(*arguments):
+        raise error('as it happens')
+
+    monkeypatch.setattr(regulators, 'feedback_at', fails)
+    with pytest.raises(DesignError, match='^reference: the law has no gains there: as it'):
+        gains.at(at(found, yaw=2.5))
+    assert gains.where_possible(at(found, yaw=2.5)) is gains.law
+    assert gains.at(found.model.equilibrium) is gains.law
