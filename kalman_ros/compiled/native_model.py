@@ -156,7 +156,7 @@ class NativeModel(Numbered, Model):
             v[at_e:mean] = sensor.output.subtract(y, sensor.measure(x))
         if self._c_library.correction(address(memory(v)), k, *reads, self._c_arrived):
             return super().corrected(x, P, y, sensor)  # which finds out what is wrong
-        return CorrectedMoments(
+        return (
             v[mean:covariance],
             v[covariance:K].reshape(n, n),
             v[at_e:mean],

@@ -6,7 +6,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from math import inf
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Optional
 
 import numpy as np
 
@@ -34,30 +34,6 @@ class LinearizedStep(NamedTuple):
     Q: Array
 
 
-class CorrectedMoments(NamedTuple):
-    """A mean (..., n) and covariance (..., n, n) after a reading, with what led there.
-
-    Parameters
-    ----------
-    mean, covariance
-        (..., n) and (..., n, n).
-    innovation, innovation_covariance
-        Reading minus its prediction (..., k), and S (..., k, k).
-    gain, jacobian
-        K (..., n, k) and H (..., k, n).
-    nis
-        The normalised innovation squared, if it is known.
-    """
-
-    mean: Array
-    covariance: Array
-    innovation: Array
-    innovation_covariance: Array
-    gain: Array
-    jacobian: Array
-    nis: float | None = None
-
-
 class OperatingPoint(NamedTuple):
     """A state and an input about which a model is linearised.
 
@@ -77,6 +53,12 @@ class OperatingPoint(NamedTuple):
 
     state: Array
     input: Array
+
+
+#: A mean (..., n) and covariance (..., n, n) after a reading, its innovation (..., k) and S
+#: (..., k, k), the gain K (..., n, k), H (..., k, n), and the normalised innovation squared, None
+#: if it is not known. A plain tuple, since one with names takes half a microsecond.
+CorrectedMoments = tuple[Array, Array, Array, Array, Array, Array, Optional[float]]
 
 
 class Dynamics(ABC):
@@ -206,7 +188,7 @@ class Dynamics(ABC):
         innovation = sensor.output.subtract(y, sensor.measure(x))
         mean, covariance, K, S = self.corrected_moments(x, P, H, R, innovation)
         mean, covariance = self.state.arrived(mean, x, covariance)
-        return CorrectedMoments(mean, covariance, innovation, S, K, H)
+        return mean, covariance, innovation, S, K, H, None
 
     #: The mean and covariance after an innovation, for any leading axes.
     corrected_moments = staticmethod(corrected_moments)

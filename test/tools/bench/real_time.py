@@ -66,7 +66,7 @@ def benchmarks() -> Iterator[list[Benchmark]]:
                 'robot_3d, IMU at 200 Hz and odometry at 50 Hz / a quarter of a core', 1.0,
                 robot.busy, lambda: _SHARE,
             ),
-            Benchmark('its processor time / bare relay', 6.0, robot.busy, relay.busy),
+            Benchmark('its processor time / bare relay', 3.0, robot.busy, relay.busy),
             Benchmark(
                 'its 99th percentile from reading to estimate, half of the cores busy / 3 ms', 1.0,
                 robot.late, lambda: _LATE,
