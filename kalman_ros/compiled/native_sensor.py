@@ -32,7 +32,7 @@ class NativeSensor(Numbered, Sensor):
 
     @property
     def _c_reads(self) -> tuple[int, int, int, int]:
-        """What C needs for a reading: how it is computed, its numbers, and its differences."""
+        """Addresses of the C function that reads, its numbers, its difference and whole turns."""
         return self._c_sensed, self._c_p, self._c_subtract, address(memory(self._c_turns))
 
     def _c_called(self, function: Callable[..., Any], x: Array, size: int) -> Array | None:
