@@ -12,16 +12,21 @@ from scipy.linalg import block_diag
 
 from kalman_ros.control.feedback import Feedback
 from kalman_ros.control.identification import fit
+from kalman_ros.control.laws import OPTIMAL
 from kalman_ros.control.lqr import Cost
 from kalman_ros.control.separation import LqgLoop
 from kalman_ros.control.state_space import StateSpace
 from kalman_ros.core import Array, Space
+from kalman_ros.estimators import filter_class
 from kalman_ros.estimators.consistency import chi_square_bounds, nees
 from kalman_ros.linear.periodic import Readings
 from kalman_ros.linear.structure import ComplexArray, continuous_poles, eigenvalues
 from kalman_ros.scenario import Scenario
+from kalman_ros.scenario.estimation import fixed_gain_observer
 from kalman_ros.scenario.regulator import feedback, price
 from kalman_ros.simulation.trajectory import Trajectory
+
+from .nis_spread import nis_variances
 
 #: The largest probability that a correct system fails any check of a run.
 MISS = 5e-4
@@ -87,13 +92,17 @@ class LqgTheory:
 
 
 def schedule(scenario: Scenario, x: Array) -> list[Readings]:
-    """Return the readings of each step of a period, with the sensors linearised about x (n,)."""
-    plan = scenario.plan
+    """Return the readings of each step of a period, with the sensors linearised about x (n,).
+
+    They have the gains of a filter whose gains are fixed.
+    """
+    plan, fixed = scenario.plan, fixed_gain_observer(scenario)
     phases = []
     for step in range(plan.period):
         due = [plan.sensors[name].sensor for name in plan.due(step)]
         C = np.vstack([np.empty((0, x.size)), *(sensor.jacobian(x) for sensor in due)])
-        phases.append(Readings(C, _block_diagonal(sensor.covariance for sensor in due)))
+        gain = None if fixed is None else fixed.joint_gain(due)
+        phases.append(Readings(C, _block_diagonal(sensor.covariance for sensor in due), gain))
     return phases
 
 
@@ -116,6 +125,12 @@ def theory(scenario: Scenario) -> LqgTheory:
     step = model.transition(*rest, dt)
     loop = LqgLoop(step, schedule(scenario, rest.state), law.system(dt))
     return LqgTheory(law, price(scenario), loop, dt)
+
+
+def is_optimum(scenario: Scenario) -> bool:
+    """Return whether no other law and filter have a smaller cost with the same sensors."""
+    kind = filter_class(scenario.filter)
+    return scenario.law in OPTIMAL and (kind.optimal or kind.mixture)
 
 
 def checks(scenario: Scenario, theory: LqgTheory, run: Trajectory) -> list[Check]:
@@ -149,11 +164,12 @@ def checks(scenario: Scenario, theory: LqgTheory, run: Trajectory) -> list[Check
         numbers = np.sqrt(numbers) if root else numbers
         mean, value_, low_, high_ = numbers.tolist()
         results.append(Check(name, unit, mean, value_, low_, high_, low <= value <= high))
+    spread = nis_variances(scenario.plan, fixed_gain_observer(scenario))
     for name in scenario.enabled:
         nis = run.innovations[name].nis
         nis = nis[run.innovations[name].time >= run.time[settled] - 0.5 * dt]
         k = scenario.sensors[name].sensor.output.size
-        low, high = chi_square_bounds(1.0, 2.0 / (k * len(nis)), miss)
+        low, high = chi_square_bounds(1.0, spread[name] / (k**2 * len(nis)), miss)
         value = float(nis.mean()) / k
         results.append(
             Check(f'NIS of {name} / {k}', '', 1.0, value, low, high, low <= value <= high)

@@ -20,7 +20,9 @@ from .path import Path
 
 @dataclass(frozen=True)
 class Estimator:
-    """The steady-state Kalman filter, with every sensor at its own rate.
+    """The Kalman filter, or the observer with fixed gains, in steady state.
+
+    Each sensor has its own rate.
 
     Parameters
     ----------

@@ -9,7 +9,6 @@ from math import degrees
 from kalman_ros.control.laws import OPTIMAL
 from kalman_ros.control.margins import Margins
 from kalman_ros.control.stability import Mode
-from kalman_ros.estimators import filter_class
 
 from .design_report import DesignReport, Regulator
 from .input_loops import InputLoops, Loop
@@ -47,10 +46,6 @@ def _notes(report: DesignReport) -> Iterator[str]:
             f'Limits are predicted {seconds:.3g} s ahead. Margins and the least cost hold where '
             'no limit acts.'
         )
-    kind = filter_class(report.scenario.filter)
-    if not (kind.optimal or kind.mixture):
-        name = report.scenario.filter
-        yield f'The scenario uses a {name} filter; all numbers are those of the Kalman filter.'
     if plan.period > 1 and report.estimator:
         yield (
             f'The sensors repeat every {plan.period} steps: estimator gains and standard '

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -19,7 +19,10 @@ from kalman_ros.control.margins import DiskMargin, Margins, loop_at_a_time, marg
 from kalman_ros.control.simultaneous import simultaneous_disk
 from kalman_ros.control.state_space import StateSpace
 from kalman_ros.core import Array, DesignError, OperatingPoint, linearize
+from kalman_ros.linear.periodic import Phase, Readings, periodic_filter
+from kalman_ros.linear.structure import eigenvalues
 from kalman_ros.scenario import Scenario
+from kalman_ros.scenario.estimation import fixed_gain_observer
 from kalman_ros.scenario.regulator import regulator
 
 from .observability import stacked
@@ -107,8 +110,9 @@ def even_noise(scenario: Scenario) -> Array:
 def even_estimator(scenario: Scenario, point: OperatingPoint) -> LqeDesign:
     """Return the steady-state Kalman filter as if each sensor read at every step.
 
-    The loop is then time-invariant and has frequency responses. The result is exact if every
-    sensor measures at every step.
+    A filter with fixed gains has its own, each in the share of the steps in which its sensor
+    reads. The loop is then time-invariant and has frequency responses. The result is exact if
+    every sensor measures at every step.
 
     Raises
     ------
@@ -116,7 +120,16 @@ def even_estimator(scenario: Scenario, point: OperatingPoint) -> LqeDesign:
         If the error has no steady state.
     """
     step = scenario.model.transition(*point, 1.0 / scenario.rate)
-    return dlqe(step.F, stacked(scenario, point.state), step.Q, even_noise(scenario))
+    C, R = stacked(scenario, point.state), even_noise(scenario)
+    fixed = fixed_gain_observer(scenario)
+    if fixed is None:
+        return dlqe(step.F, C, step.Q, R)
+    shares = {name: source.timed.rate / scenario.rate for name, source in scenario.enabled.items()}
+    even = replace(fixed, gains={name: shares[name] * L for name, L in fixed.gains.items()})
+    L = even.joint_gain(source.sensor for source in scenario.enabled.values())
+    steady = periodic_filter([Phase(step.F, step.Q, Readings(C, R, L))])
+    poles = eigenvalues(step.F - step.F @ L @ C)
+    return LqeDesign(L, step.F @ L, steady.posterior[0], steady.prior[0], poles)
 
 
 def input_loops(

@@ -9,7 +9,6 @@ from math import inf, nan
 import numpy as np
 from scipy.special import ndtri
 
-from kalman_ros.control.laws import OPTIMAL
 from kalman_ros.estimators.consistency import chi_square_bounds
 from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.trajectory import Trajectory
@@ -74,7 +73,7 @@ def judge(scenario: Scenario, run: Trajectory) -> Judgement:
         theory = verdicts.theory(scenario)
         results = verdicts.checks(scenario, theory, run)
         basis = "The theory of J is the LQG optimum tr(X Q) + tr(K'(Q_u + G'X G) K P)."
-        if scenario.law not in OPTIMAL:
+        if not verdicts.is_optimum(scenario):
             basis = 'The theory of J is that of these gains, which are not the optimum.'
         claim = 'The loop is stable and its statistics hold.'
         return Judgement(results, theory.settling_time, basis, claim)

@@ -7,8 +7,10 @@ P = (I - L C) P (I - L C)' + L R L' holds for every gain.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+
+import numpy as np
 
 from kalman_ros.core import Array, DiscreteLinearSystem, Gaussian, LinearSystem, Sensor, unchecked
 from kalman_ros.linear.kernels import kernels
@@ -39,6 +41,19 @@ class FixedGainObserver(Filter):
         mean = self.model.state.wrap(k.corrected(x, L, innovation))
         posterior = unchecked((mean, k.joseph(L, C, P, R)))
         return Correction(posterior, innovation, k.sandwich(C, P, R), L, C)
+
+    def joint_gain(self, sensors: Iterable[Sensor]) -> Array:
+        """Return the gain (n, k) of all readings of some sensors that read one after the other.
+
+        The error is (I - L_2 C_2) (I - L_1 C_1) e after two: the first gain becomes
+        (I - L_2 C_2) L_1.
+        """
+        n = self.model.state.size
+        joint = np.empty((n, 0))
+        for sensor in sensors:
+            L = self.gain(sensor)
+            joint = np.hstack(((np.eye(n) - L @ sensor.jacobian(np.zeros(n))) @ joint, L))
+        return joint
 
     def gain(self, sensor: Sensor) -> Array:
         """Return the gain L (n, k) of a sensor; raise ValueError if there is none."""

@@ -3,15 +3,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from math import ceil
 
+import numpy as np
+
 from kalman_ros.core import Array, Dynamics, Sensor, TimedSensor, is_due, period, ratio
 from kalman_ros.core.model import MOST_SUBSTEPS
 from kalman_ros.linear.kernels import kernels
+from kalman_ros.linear.periodic import Phase, Readings
 
 #: A covariance is predicted in at most this many parts, which bounds the time of a long step.
 _MOST_PARTS = 100
@@ -88,6 +91,32 @@ class Plan:
     def due(self, step: int) -> list[str]:
         """Return the names of the sensors that read at ``step`` of a period."""
         return [name for name, share in self.shares.items() if is_due(step + self.period, share)]
+
+    def phases(
+        self, gains: Mapping[str, Array] | None = None
+    ) -> tuple[list[str | None], list[Phase]]:
+        """Return the phases of a period of a linear plan, and the sensor of each, or None.
+
+        Sensors that are due together read in sequence, without time between them. They have the
+        ``gains`` by name, if there are any.
+        """
+        n, chosen = self.model.state.size, gains or {}
+        step = self.model.transition(*self.model.equilibrium, self.dt)
+        names: list[str | None] = []
+        phases = []
+        for k in range(self.period):
+            F, Q = step.F, step.Q
+            due: Sequence[str | None] = self.due(k) or (None,)
+            for name in due:
+                readings = Readings(np.zeros((0, n)), np.zeros((0, 0)))
+                if name is not None:
+                    sensor = self.sensors[name].sensor
+                    C = sensor.jacobian(np.zeros(n))
+                    readings = Readings(C, sensor.covariance, chosen.get(name))
+                names.append(name)
+                phases.append(Phase(F, Q, readings))
+                F, Q = np.eye(n), np.zeros((n, n))
+        return names, phases
 
 
 def check_linear(filter: str, model: Dynamics) -> None:

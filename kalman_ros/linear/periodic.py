@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The Riccati recursion of a filter whose readings repeat with a period.
+"""The error covariance of a filter whose readings repeat with a period.
 
 Sensors at different rates, and sensors that are read one after the other, make a Kalman filter
 periodic instead of constant (S. Bittanti, P. Colaneri, G. De Nicolao, The periodic Riccati
 equation, in The Riccati Equation, 1991). A phase predicts and then takes its readings:
 
     P- = F P F' + Q,    L = P- C' (C P- C' + R)^-1,    P = (I - L C) P- (I - L C)' + L R L'
+
+which is the Riccati recursion. An observer with another L has the same recursion with that gain.
 """
 
 from __future__ import annotations
@@ -32,10 +34,19 @@ _SETTLED = 1e-12
 
 @dataclass(frozen=True)
 class Readings:
-    """What is read at one step: the stacked C (k, n) and the covariance R (k, k); k may be 0."""
+    """What is read at one step.
+
+    Parameters
+    ----------
+    C, R
+        The stacked matrix (k, n), and the covariance (k, k); k may be 0.
+    gain
+        L (n, k) of an observer; None for the gain with the least error.
+    """
 
     C: Array
     R: Array
+    gain: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -68,7 +79,9 @@ def updated(P: Array, readings: Readings) -> tuple[Array, Array]:
     C, R = readings.C, readings.R
     if not R.size:
         return np.zeros((len(P), 0)), P
-    L = solve(sandwich(C, P, R), C @ P).T
+    L = readings.gain
+    if L is None:
+        L = solve(sandwich(C, P, R), C @ P).T
     return L, joseph(L, C, P, R)
 
 
@@ -104,6 +117,9 @@ def _map_of(phase: Phase) -> _Map:
     F, Q, H, R = phase.F, phase.Q, phase.readings.C, phase.readings.R
     if not R.size:
         return _Map(F, Q, np.zeros_like(F))
+    L = phase.readings.gain
+    if L is not None:
+        return _Map(F - L @ H @ F, joseph(L, H, Q, R), np.zeros_like(F))
     S = sandwich(H, Q, R)
     K, H_F = solve(S, H @ Q).T, H @ F
     return _Map(F - K @ H_F, joseph(K, H, Q, R), symmetric(H_F.T @ solve(S, H_F)))

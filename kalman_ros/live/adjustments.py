@@ -177,23 +177,27 @@ class Adjustments:
             given = {name: v for name, v in self.given('estimator').items() if name not in own}
             return settings({**given, 'filter': filter})
         options: dict[str, Any] = {name: chosen.values[name] for name in chosen.own}
-        extra = {name: chosen.values[name] for name in chosen.extra}
-        return Settings(self.scenario('estimator'), EstimatorOptions(**options), extra)
+        scenario = self.scenario('estimator')
+        return Settings(scenario, EstimatorOptions(**options), scenario.filter_options)
 
     def scenario(self, node: str) -> Scenario:
         """Return the scenario according to the parameters of a node."""
         chosen, (_, with_law) = self._chosen[node], _OPTIONS[node]
-        return assemble({name: chosen.values[name] for name in chosen.shared}, with_law=with_law)
+        values = {name: chosen.values[name] for name in chosen.shared}
+        assembled = assemble(values, with_law=with_law)
+        if node != 'estimator':
+            return assembled
+        return replace(assembled, filter_options={n: chosen.values[n] for n in chosen.extra})
 
     def believed(self) -> Scenario:
         """Return the scenario of the controller, with sensors and filter of the estimator."""
         estimator, controller = self.scenario('estimator'), self.scenario('controller')
-        return replace(controller, sensors=estimator.sensors, filter=estimator.filter)
-
-    def filter_options(self) -> dict[str, Value]:
-        """Return the options of the filter of the estimator."""
-        chosen = self._chosen['estimator']
-        return {name: chosen.values[name] for name in chosen.extra}
+        return replace(
+            controller,
+            sensors=estimator.sensors,
+            filter=estimator.filter,
+            filter_options=estimator.filter_options,
+        )
 
 
 def _faults(chosen: Mapping[str, Value]) -> Iterable[Option]:

@@ -17,29 +17,26 @@ from kalman_ros.control.feedback import Feedback
 from kalman_ros.control.margins import Margin
 from kalman_ros.control.separation import LqgLoop
 from kalman_ros.core import Array, DesignError, OperatingPoint, linearize
-from kalman_ros.estimators import build_filter, filter_class
+from kalman_ros.estimators import filter_class
 from kalman_ros.linear.periodic import Phase, periodic_filter
 from kalman_ros.linear.structure import continuous_poles, eigenvalues
 from kalman_ros.scenario import Scenario
+from kalman_ros.scenario.estimation import fixed_gain_observer
 from kalman_ros.scenario.regulator import feedback, price, regulator
 
 #: Number of frequencies of a response.
 _POINTS = 160
 
 
-def theory(
-    believed: Scenario, actual: Scenario, filter_options: dict[str, Any], delay: float
-) -> dict[str, Any]:
+def theory(believed: Scenario, actual: Scenario, delay: float) -> dict[str, Any]:
     """Return the theory of a loop; a part that does not exist is None, and a note has the reason.
 
     Parameters
     ----------
     believed
-        Scenario of the controller, with the noise of the estimator.
+        Scenario of the controller, with the noise and the filter of the estimator.
     actual
         Scenario of the plant.
-    filter_options
-        Options of the filter of the estimator.
     delay
         Delay of the input of the plant, in seconds.
     """
@@ -47,7 +44,7 @@ def theory(
     steps = (
         ('unseen', lambda: _unseen(believed)),
         ('open', lambda: _open_loop_poles(actual)),
-        ('estimator', lambda: _estimator_theory(believed, filter_options)),
+        ('estimator', lambda: _estimator_theory(believed)),
         *((('regulator', lambda: _regulator_theory(believed)),) if believed.law else ()),
         *((('loops', lambda: _loop_responses(believed, delay)),) if believed.law else ()),
         *((('optimum', lambda: _optimal_cost(actual, believed)),) if believed.law else ()),
@@ -98,29 +95,22 @@ def _regulator_theory(believed: Scenario) -> dict[str, Any]:
     return {'poles': _pole_pairs(continuous_poles(law.poles, dt)), 'gain': law.gain.tolist()}
 
 
-def _estimator_theory(believed: Scenario, filter_options: dict[str, Any]) -> dict[str, Any]:
+def _estimator_theory(believed: Scenario) -> dict[str, Any]:
     """Return the poles of the sampled error.
 
     The result also has the gains (n, k) of each sensor, row by row, if they are fixed, and the
     ``placed`` poles of the continuous gain of a Luenberger observer.
     """
-    dt, point, plan = 1.0 / believed.rate, _operating_point(believed), believed.plan
+    dt, point = 1.0 / believed.rate, _operating_point(believed)
     _check_detectable(believed, point)
     step, phases = believed.model.transition(*point, dt), schedule(believed, point.state)
     n = len(step.F)
     results: dict[str, Any] = {}
-    kind = filter_class(believed.filter)
-    if kind.fixed_gain:
-        fixed: Any = build_filter(believed.filter, plan, filter_options)
-        no_gain = np.empty((n, 0))
-        gains = [
-            np.hstack([no_gain, *(fixed.gains[name] for name in plan.due(phase))])
-            for phase in range(plan.period)
-        ]
+    fixed = fixed_gain_observer(believed)
+    if fixed is not None:
         results['gains'] = {name: _round(L.ravel()) for name, L in fixed.gains.items()}
-    else:
-        gains = periodic_filter([Phase(step.F, step.Q, readings) for readings in phases]).gains
-    placed = kind.placed_poles(n, **filter_options)
+    gains = periodic_filter([Phase(step.F, step.Q, readings) for readings in phases]).gains
+    placed = filter_class(believed.filter).placed_poles(n, **believed.filter_options)
     if placed:
         results['placed'] = _pole_pairs(placed)
     transition = np.eye(n)
@@ -135,8 +125,7 @@ def _loop_responses(believed: Scenario, delay: float) -> list[dict[str, Any]]:
     law = feedback(believed)
     estimator = None
     point = believed.model.equilibrium
-    optimal = filter_class(believed.filter).optimal
-    if optimal and observability(believed, point).detectable:
+    if observability(believed, point).detectable:
         estimator = even_estimator(believed, point)
     results = []
     for channel in input_loops(believed, law, estimator, min(delay, 100.0 / believed.rate)):
@@ -181,11 +170,13 @@ def _optimal_cost(actual: Scenario, believed: Scenario) -> float:
     """Return the least mean cost per second of any controller of the actual plant."""
     dt, point = 1.0 / actual.rate, actual.model.equilibrium
     _check_detectable(actual, point)
-    weighted = replace(actual, state_cost=believed.state_cost, input_cost=believed.input_cost)
+    weighted = replace(
+        actual, filter='kf', state_cost=believed.state_cost, input_cost=believed.input_cost
+    )
     design, _ = regulator(weighted)
     law = Feedback(design.gain, np.empty((len(design.gain), 0)), (), design.poles)
     step = actual.model.transition(*point, dt)
-    loop = LqgLoop(step, schedule(actual, point.state), law.system(dt))
+    loop = LqgLoop(step, schedule(weighted, point.state), law.system(dt))
     return LqgTheory(law, price(weighted), loop, dt).expected_cost
 
 

@@ -93,7 +93,7 @@ def _answer(request: dict[str, Any]) -> dict[str, Any]:
     actual, estimator = adjustments.scenario('plant'), adjustments.scenario('estimator')
     believed = adjustments.believed() if adjustments.driven else estimator
     delay = adjustments.value('plant', 'actuator_delay')
-    return theory(believed, actual, adjustments.filter_options(), delay)
+    return theory(believed, actual, delay)
 
 
 def main() -> None:

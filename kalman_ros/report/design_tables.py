@@ -11,11 +11,11 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from kalman_ros.analysis import design_warnings
+from kalman_ros.analysis.checks import is_optimum
 from kalman_ros.analysis.design_report import DesignReport
 from kalman_ros.analysis.design_theory import settling_time
 from kalman_ros.analysis.input_loops import Loop
 from kalman_ros.analysis.observability import stacked
-from kalman_ros.control.laws import OPTIMAL
 from kalman_ros.control.margins import DiskMargin
 from kalman_ros.control.stability import Mode
 from kalman_ros.core import Array, Space, linearize
@@ -55,7 +55,7 @@ def structure(report: DesignReport) -> str:
 def closing(report: DesignReport, time: str = 's') -> Iterator[str]:
     """Yield the performance of the closed loop as text; ``time`` is the unit of time."""
     if report.closed_loop:
-        optimal = report.scenario.law in OPTIMAL
+        optimal = is_optimum(report.scenario)
         cost = 'The least cost that these sensors allow is' if optimal else 'Its cost is'
         yield (
             f'The loop settles to a thousandth in {report.closed_loop.settling_time:.3g} '

@@ -11,10 +11,11 @@ from dataclasses import dataclass, replace
 
 from kalman_ros.compiled.parts import COMPILED, NUMPY, parts
 from kalman_ros.core import Array, Gaussian, Sensor, Value
-from kalman_ros.estimators import NATIVE, build_filter
+from kalman_ros.estimators import NATIVE, build_filter, filter_class
 from kalman_ros.estimators.consistency import chi_square_gate
 from kalman_ros.estimators.diffuse import check_start
 from kalman_ros.estimators.filter import Filter
+from kalman_ros.estimators.fixed_gain import FixedGainObserver
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.policy import Policy
 
@@ -98,6 +99,21 @@ def estimation(
     return Estimation(
         built, fast.sensors, believed.initial, weighed, fast.arithmetic, fast.pending
     )
+
+
+def fixed_gain_observer(scenario: Scenario) -> FixedGainObserver | None:
+    """Return the filter of a scenario if its gains are fixed, else None.
+
+    Raises
+    ------
+    ValueError
+        If it does not support the scenario; DesignError if it has no solution.
+    """
+    if not filter_class(scenario.filter).fixed_gain:
+        return None
+    built = build_filter(scenario.filter, scenario.plan, scenario.filter_options)
+    assert isinstance(built, FixedGainObserver)
+    return built
 
 
 def by_innovation(scenario: Scenario, policy: Policy) -> Policy:

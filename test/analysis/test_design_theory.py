@@ -410,10 +410,6 @@ def test_a_loop_that_cannot_be_designed_is_a_design_error():
         report(build(**REFUSED[0][0]))
 
 
-def test_another_filter_than_the_one_reported_is_said():
-    assert any('luenberger' in note for note in notes(report(build(filter='luenberger'))))
-
-
 @pytest.mark.slow
 def test_integral_action_is_reported_as_what_it_is():
     found = report(build(law='lqi'))

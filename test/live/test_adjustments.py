@@ -91,9 +91,9 @@ def test_the_shared_file_is_the_same_scenario(name, tmp_path):
 
 def test_the_theory_follows_a_weight():
     found = opened()
-    before = theory(found.believed(), found.scenario('plant'), found.filter_options(), 0.0)
+    before = theory(found.believed(), found.scenario('plant'), 0.0)
     found.change('controller', {'state_cost': [2000.0, 2.0]})
-    after = theory(found.believed(), found.scenario('plant'), found.filter_options(), 0.0)
+    after = theory(found.believed(), found.scenario('plant'), 0.0)
     assert max(np.hypot(*np.transpose(after['regulator']['poles']))) > 2.0 * max(
         np.hypot(*np.transpose(before['regulator']['poles']))
     )
@@ -104,7 +104,7 @@ def test_the_theory_follows_a_weight():
 def test_the_theory_of_an_observer_has_its_poles():
     found = opened('linear')
     found.change('estimator', {'filter': 'luenberger', 'observer_poles': [-3.0, -4.0]})
-    observer = theory(found.believed(), found.scenario('plant'), found.filter_options(), 0.0)
+    observer = theory(found.believed(), found.scenario('plant'), 0.0)
     # x_hat' = (I - L T C) F x_hat with L = (7, 12), T = 1 / 20 s
     over = np.array([[0.65, 0.65 / 20.0], [-0.6, 1.0 - 0.6 / 20.0]])
     exact = np.sort(20.0 * np.log(np.linalg.eigvals(over)))[::-1]
@@ -114,7 +114,7 @@ def test_the_theory_of_an_observer_has_its_poles():
 def test_a_tracker_without_a_steady_state_has_a_note_instead():
     found = opened('constant_velocity')
     estimator = found.scenario('estimator')
-    notes = theory(estimator, found.scenario('plant'), found.filter_options(), 0.0)['notes']
+    notes = theory(estimator, found.scenario('plant'), 0.0)['notes']
     assert any('no steady state' in note for note in notes)
 
 

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ import numpy as np
 from kalman_ros.core import Array, DesignError
 from kalman_ros.estimators.fixed_gain import FixedGainObserver
 from kalman_ros.estimators.plan import Plan
-from kalman_ros.linear.periodic import Phase, Readings, periodic_filter
+from kalman_ros.linear.periodic import periodic_filter
 
 #: After this many steps without convergence there is no steady state.
 _MOST_STEPS = 200_000
@@ -35,7 +34,7 @@ class SteadyStateKalmanFilter(FixedGainObserver):
             If the sensors do not keep the error bounded.
         """
         model: Any = plan.model
-        names, phases = _phases(plan)
+        names, phases = plan.phases()
         try:
             steady = periodic_filter(phases, _MOST_STEPS // plan.period)
         except DesignError as error:
@@ -47,29 +46,6 @@ class SteadyStateKalmanFilter(FixedGainObserver):
         return cls(
             model, {name: np.mean(phase_gains, axis=0) for name, phase_gains in gains.items()}
         )
-
-
-def _phases(plan: Plan) -> tuple[list[str | None], list[Phase]]:
-    """Return the phases of a period, and the name of the sensor of each, or None.
-
-    Sensors that are due together read in sequence, without time between them.
-    """
-    n = plan.model.state.size
-    step = plan.model.transition(np.zeros(n), np.zeros(plan.model.input.size), plan.dt)
-    names: list[str | None] = []
-    phases = []
-    for k in range(plan.period):
-        F, Q = step.F, step.Q
-        due: Sequence[str | None] = plan.due(k) or (None,)
-        for name in due:
-            readings = Readings(np.zeros((0, n)), np.zeros((0, 0)))
-            if name is not None:
-                sensor = plan.sensors[name].sensor
-                readings = Readings(sensor.jacobian(np.zeros(n)), sensor.covariance)
-            names.append(name)
-            phases.append(Phase(F, Q, readings))
-            F, Q = np.eye(n), np.zeros((n, n))
-    return names, phases
 
 
 FILTER = SteadyStateKalmanFilter

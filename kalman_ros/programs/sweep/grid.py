@@ -170,7 +170,7 @@ class Grid:
         return same and all(swept.plant == swept.believed for swept in self.ranges)
 
     def _theory(self, believed: Scenario) -> tuple[float | None, tuple[float, ...] | None]:
-        if not self.as_believed or not believed.law or not filter_class(believed.filter).optimal:
+        if not self.as_believed or not believed.law or filter_class(believed.filter).mixture:
             return None, None
         try:
             theory = checks.theory(believed)
