@@ -10,7 +10,7 @@ from math import inf
 import numpy as np
 
 from kalman_ros.control.feedback import Feedback
-from kalman_ros.control.laws import OPTIMAL, WITHIN_LIMITS
+from kalman_ros.control.laws import OPTIMAL, STATE_LIMIT, WITHIN_LIMITS, bounds
 from kalman_ros.control.limiter import Limits
 from kalman_ros.control.lqr import Cost, dlqr
 from kalman_ros.control.motion import Motion
@@ -19,6 +19,7 @@ from kalman_ros.control.planning import ReferenceMotion, fit
 from kalman_ros.control.time_varying import cost_along, linearized_along, with_gains
 from kalman_ros.core import Array, DesignError, OperatingPoint, in_continuous_time, is_finite
 
+from .law import limits_of_states
 from .regulator import SetPointGains, feedback, steered, tracking, weights_of
 from .scenario import Scenario
 
@@ -31,6 +32,8 @@ _SAME = 1e-6
 #: By how much an input that rests at its lower limit may be below it, relative to the largest of a
 #: motion: to brake to rest takes a little reverse, which is cut off where an actuator has none.
 _CUT = 0.1
+#: A state beyond its limit by less than this share of its extent is not worth a word.
+_SLIGHT = 0.02
 #: An input misses a rate by less than this, relative to its size.
 _MISSED = 1e-6
 #: By how much the search swerves from the straight way, in units of the states, where that fails.
@@ -235,6 +238,27 @@ def _check_followed(
             f'no input follows it: {name} is {off[step, place]:.3g} {units[place]} away at '
             f'{step * motion.dt:.3g} s, allowed are {allowed[place]:.3g}'
         )
+
+
+def beyond_state_limits(scenario: Scenario, motion: Motion) -> str:
+    """Return where a motion leaves the limits of the states, as a sentence; empty if it does not.
+
+    A law that keeps such limits then leaves the motion: it does not end the search for one.
+    """
+    space = scenario.model.state
+    pairs = limits_of_states(scenario.law_options)
+    low, high = bounds(space, {n.removeprefix(f'{STATE_LIMIT}.'): v for n, v in pairs.items()})
+    excess = np.maximum(motion.states - high, low - motion.states)
+    step, index = np.unravel_index(int(np.argmax(excess)), excess.shape)
+    if not excess[step, index] > _SLIGHT * np.ptp(motion.states[:, index]):
+        return ''
+    name, value = space.names[index], motion.states[step, index]
+    limit = high[index] if value > high[index] else low[index]
+    return (
+        f'{name} is {value:.3g} {space.units[index]} at {step * motion.dt:.3g} s of the motion, '
+        f'beyond its {STATE_LIMIT} of {limit:g}: there the robot falls behind to keep it; '
+        'a slower motion, or wider bends, need less'
+    )
 
 
 def _check_inputs(scenario: Scenario, motion: Motion, limits: Limits | None) -> None:

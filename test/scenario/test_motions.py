@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motions of scenarios: which are followed, which are refused, and with what gains."""
 
+import re
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ from thorough import thorough
 from kalman_ros.control.limiter import Limits, limits_of
 from kalman_ros.core import DesignError
 from kalman_ros.scenario import build
-from kalman_ros.scenario.motions import _swerving, motion_of, moving_point
+from kalman_ros.scenario.motions import _swerving, beyond_state_limits, motion_of, moving_point
 from kalman_ros.scenario.reference_motions import Beginning, _begun, along_path, in_time
 from kalman_ros.scenario.regulator import feedback, steered
 
@@ -324,3 +326,21 @@ def test_a_search_that_swerves_begins_and_ends_as_the_straight_one():
         np.testing.assert_allclose(found[[0, -1]], 0.0, atol=1e-12)
         np.testing.assert_allclose(found[10], amount * np.array([1.0, -1.0, 1.0, -1.0, 1.0]))
         np.testing.assert_allclose(found, found[::-1], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ('limits', 'named'),
+    [
+        ({}, ''),
+        ({'v': [-0.6, 0.6]}, ''),
+        ({'v': [-0.3, 0.3]}, r'v is 0\.5\d* m/s at .* beyond its state_limit of 0.3: '),
+        ({'x': [-0.5, 1.5]}, 'x is 2.* m at .* of the motion, beyond its state_limit of 1.5: '),
+        ({'v': [-inf, 0.3], 'y': [-inf, 0.4]}, 'y is 2 m at .* beyond its state_limit of 0.4: '),
+    ],
+)
+def test_a_motion_beyond_the_limits_of_states_says_which_and_when(limits, named):
+    limits = {f'state_limit.{name}': pair for name, pair in limits.items()}
+    built = robot(law='mpc', initial_state=[0.0] * 5, **limits)
+    motion = motion_of(built, along_path(built, CORNER, 0.5, 0.5))
+    said = beyond_state_limits(built, motion)
+    assert re.match(named, said) if named else said == ''

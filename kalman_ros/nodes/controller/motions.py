@@ -49,10 +49,14 @@ class _Wanted(NamedTuple):
 
 
 class Planned(NamedTuple):
-    """A motion, and the time at which it begins in the one that is followed; None: at once."""
+    """A motion, and the time at which it begins in the one that is followed; None: at once.
+
+    ``beyond`` says where it leaves the limits of the states, if it does.
+    """
 
     motion: Motion
     since: float | None
+    beyond: str = ''
 
 
 class MotionReader:
@@ -175,6 +179,8 @@ class MotionReader:
         else:
             self._planned, self._planned_for, self._waited = result, wanted, not acts
             self.planned += wanted is not None
+            if wanted is not None and result.beyond:
+                self._warn(f'{wanted.topic}: {result.beyond}')
             self._node.diagnostics.soon()
 
     def _refuse(self, topic: str, reason: Exception) -> None:
@@ -205,7 +211,8 @@ class MotionReader:
         def job(interrupt: Callable[[], None]) -> Planned:
             reference = wanted.reference(beginning)
             motion = motions.motion_of(scenario, reference, limits, tolerance, interrupt)
-            return Planned(motion if kept is None else kept.then(motion), since)
+            beyond = motions.beyond_state_limits(scenario, motion)
+            return Planned(motion if kept is None else kept.then(motion), since, beyond)
 
         return job
 
