@@ -182,8 +182,9 @@ INLINE void corrected(double *v, long count, long k)
     const double *x = v, *P = x + count * N, *H = P + count * N * N, *R = H + count * k * N,
                  *e = R + count * k * k;
     double *mean = v + count * (N + N * N + k * N + k * k + k), *out = mean + count * N,
-           *K = out + count * N * N, *S = K + count * N * k;
+           *K = out + count * N * N, *S = K + count * N * k, *square = S + count * k * k;
     for (long member = 0; member < count; member++) {
+        double whitened[MOST_READ];
         double HP[MOST_READ * N], L[MOST_READ * MOST_READ], left[N * N], half[N * N], after[N * N];
         for (long r = 0; r < k; r++) {
             double row[N] = {0};
@@ -202,7 +203,15 @@ INLINE void corrected(double *v, long count, long k)
         for (long r = 0; r < k; r++)
             for (long c = 0; c <= r; c++)
                 L[r * k + c] = S[r * k + c] = S[c * k + r] = 0.5 * (S[r * k + c] + S[c * k + r]);
-        int good = factored(L, k);
+        const int good = factored(L, k);
+        *square = good ? 0 : INFINITY;
+        for (long r = 0; good && r < k; r++) {
+            whitened[r] = e[r];
+            for (long l = 0; l < r; l++)
+                whitened[r] -= L[r * k + l] * whitened[l];
+            whitened[r] /= L[r * k + r];
+            *square += whitened[r] * whitened[r];
+        }
         for (int j = 0; j < N; j++) {
             double *row = K + j * k;
             for (long r = 0; r < k; r++) {
@@ -245,13 +254,13 @@ INLINE void corrected(double *v, long count, long k)
             }
         }
         x += N, P += N * N, H += k * N, R += k * k, e += k;
-        mean += N, out += N * N, K += N * k, S += k * k;
+        mean += N, out += N * N, K += N * k, S += k * k, square++;
     }
 }
 
 /* Readings of k numbers: v holds x, P, H, R and the innovation of each member, first all x, and
- * receives the mean, the covariance in Joseph's form, the gain K and S behind them. Where k is
- * known to the compiler, loops become sums.
+ * receives the mean, the covariance in Joseph's form, the gain K, S and the square of the whitened
+ * innovation behind them. Where k is known to the compiler, loops become sums.
  */
 FAST void corrections(double *v, long count, long k)
 {

@@ -110,26 +110,26 @@ class NativeModel(Numbered, Model):
 
     def corrected_moments(
         self, x: Array, P: Array, H: Array, R: Array, innovation: Array
-    ) -> tuple[Array, Array, Array, Array]:
-        """Return means and covariances after readings, with K and S, of many members at once."""
+    ) -> tuple[Array, Array, Array, Array, Any]:
+        """Return means and covariances after readings, with K, S and NIS, of many at once."""
         n, lead, k = x.shape[-1], innovation.shape[:-1], innovation.shape[-1]
         if innovation.ndim == 1 or k > MOST_READ or (n,) != self._c_shapes[0]:
             return super().corrected_moments(x, P, H, R, innovation)
         given = (x, (n,)), (P, (n, n)), (H, (k, n)), (R, (k, k)), (innovation, (k,))
         count, at = math.prod(lead), 0
-        v = np.empty(count * (2 * (n + n * n + n * k + k * k) + k) + 1)
+        v = np.empty(count * (2 * (n + n * n + n * k + k * k) + k + 1))
         for value, shape in given:
             end = at + count * math.prod(shape)
             v[at:end].reshape(*lead, *shape)[...] = value
             at = end
         self._c_library.corrections(address(memory(v)), count, k)
         results = []
-        for shape in ((n,), (n, n), (n, k), (k, k)):
-            end = at + count * math.prod(shape)
-            results.append(v[at:end].reshape(*lead, *shape))
+        for size, shape_of_one in ((n, (n,)), (n * n, (n, n)), (n * k, (n, k)), (k * k, (k, k))):
+            end = at + count * size
+            results.append(v[at:end].reshape(*lead, *shape_of_one))
             at = end
         mean, covariance, K, S = results
-        return mean, covariance, K, S
+        return mean, covariance, K, S, v[at:].reshape(lead)
 
     def corrected(self, x: Array, P: Array, y: Array, sensor: Any) -> CorrectedMoments:
         """Return the belief x, P after a reading y (..., k) of a sensor, with what led there."""

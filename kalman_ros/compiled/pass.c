@@ -150,7 +150,7 @@ FAST int correction(double *v, long k, sense *sensed, const double *p, move *sub
 INLINE int fused(const struct sequence *s, struct sensor *of)
 {
     const long k = of->k, behind = N + N * N + k * N + k * k + k;
-    double v[2 * (N + N * N + MOST_READ * N + MOST_READ * MOST_READ) + MOST_READ];
+    double v[2 * (N + N * N + MOST_READ * N + MOST_READ * MOST_READ) + MOST_READ + 1];
     double *P = v + N, *H = P + N * N, *R = H + k * N, *e = R + k * k, expected[MOST_READ];
     double *mean = v + behind, *after = mean + N, *K = after + N * N, *S = K + N * k;
     double L[MOST_READ * MOST_READ], square, log_size = 0;

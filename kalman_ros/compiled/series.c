@@ -21,10 +21,12 @@ INLINE void NAMED(product)(int count, const int *rows, const int *columns, const
                            real factor, const NUMBER *B, NUMBER *C)
 {
     int k = 0;
+#pragma GCC unroll 16
     for (int i = 0; i < ORDER; i++) {
         NUMBER sum[ORDER];
         for (int j = 0; j < ORDER; j++)
             sum[j] = (NUMBER){0};
+#pragma GCC unroll 16
         for (; k < count && rows[k] == i; k++) {
             const NUMBER share = factor * a[k], *row = B + columns[k] * ORDER;
             for (int j = 0; j < ORDER; j++)

@@ -186,9 +186,9 @@ class Dynamics(ABC):
         """
         H, R = sensor.jacobian(x), sensor.covariance
         innovation = sensor.output.subtract(y, sensor.measure(x))
-        mean, covariance, K, S = self.corrected_moments(x, P, H, R, innovation)
+        mean, covariance, K, S, nis = self.corrected_moments(x, P, H, R, innovation)
         mean, covariance = self.state.arrived(mean, x, covariance)
-        return mean, covariance, innovation, S, K, H, None
+        return mean, covariance, innovation, S, K, H, nis
 
     #: The mean and covariance after an innovation, for any leading axes.
     corrected_moments = staticmethod(corrected_moments)

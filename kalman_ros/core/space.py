@@ -165,7 +165,13 @@ class Space:
         if self._wrapped:
             x = 1.0 * x
             for index in self._wrapped:
-                x[..., index] = (x[..., index] + np.pi) % (2.0 * np.pi) - np.pi
+                turned = x[..., index] + np.pi
+                # of many, a remainder takes far longer than the question whether any changes
+                if x.ndim == 1 or not (
+                    turned.min(initial=0.0) >= 0.0 and turned.max(initial=0.0) < 2.0 * np.pi
+                ):
+                    turned = turned % (2.0 * np.pi)
+                x[..., index] = turned - np.pi
         return self._map_rotations(so3.shortest, x) if self._turned else x
 
     def add(self, x: Array, d: Array) -> Array:

@@ -246,6 +246,8 @@ class BatchEstimator:
         x, P = belief
         known = self._filter.model.covariance_factor(P) if belief.factor is None else belief.factor
         self._factored = P, known
+        if is_finite(x) and is_finite(known):
+            return belief, np.zeros_like(selected)
         definite = np.isfinite(known.diagonal(axis1=-2, axis2=-1)).all(axis=-1)
         bad = selected & ~(np.isfinite(np.einsum('...i,...i->...', x, x)) & definite)
         if not bad.any():

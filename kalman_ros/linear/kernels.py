@@ -19,10 +19,10 @@ def kernels(x: Array) -> Any:
 
 def corrected_moments(
     x: Array, P: Array, H: Array, R: Array, innovation: Array
-) -> tuple[Array, Array, Array, Array]:
-    """Return x + K innovation and (I - K H) P (I - K H)' + K R K', with K and S.
+) -> tuple[Array, Array, Array, Array, Any]:
+    """Return x + K innovation and (I - K H) P (I - K H)' + K R K', with K, S and the NIS.
 
-    K = P H' S^-1 and S = H P H' + R, for any leading axes.
+    K = P H' S^-1 and S = H P H' + R, for any leading axes. A NIS of None is still to be computed.
 
     Raises
     ------
@@ -32,4 +32,4 @@ def corrected_moments(
     k = kernels(x)
     H, R = k.ordered(H, R)
     K, S = k.gain(P, H, R)
-    return k.corrected(x, K, innovation), k.joseph(K, H, P, R), K, S
+    return k.corrected(x, K, innovation), k.joseph(K, H, P, R), K, S, None

@@ -120,9 +120,15 @@ def test_many_members_are_corrected_as_in_numpy(k):
     for given in ((x, P, H, R, nu), (x, P[0, 0], H[0], R, nu), (x, P, H[0, 0], R, nu)):
         with np.errstate(invalid='ignore'):
             expected = model.corrected_moments(*given)
-        for mine, theirs in zip(fast.corrected_moments(*given), expected):
+        found = fast.corrected_moments(*given)
+        for mine, theirs in zip(found[:4], expected[:4], strict=True):
             # what is not positive definite is so in both
             assert_same(mine, np.broadcast_to(theirs, mine.shape))
+        S, nis = found[3], found[4]
+        good = np.isfinite(found[2]).all(axis=(-2, -1))
+        exact = np.einsum('...i,...ij,...j->...', nu, np.linalg.inv(S), nu)
+        np.testing.assert_allclose(nis[good], exact[good], rtol=1e-7)
+        assert np.all(nis[~good] == np.inf)
 
 
 def test_a_single_member_and_many_numbers_are_corrected_by_numpy():
@@ -131,7 +137,7 @@ def test_a_single_member_and_many_numbers_are_corrected_by_numpy():
     H, nu = rng.standard_normal((most, 4)), rng.standard_normal(most)
     one = model.corrected_moments(x, P, H, np.eye(most), nu)
     many = model.corrected_moments(np.stack((x, x)), P, H, np.eye(most), np.stack((nu, nu)))
-    for alone, both in zip(one, many):
+    for alone, both in zip(one[:4], many[:4], strict=True):
         np.testing.assert_allclose(np.broadcast_to(both, (2, *alone.shape))[1], alone, rtol=1e-9)
     with pytest.raises(np.linalg.LinAlgError):
         model.corrected_moments(x, -P, H[:1], 1e-3 * np.eye(1), nu[:1])
