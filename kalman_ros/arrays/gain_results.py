@@ -245,7 +245,7 @@ def _plot_loops(
     ]
     dt = margins[0].loop.dt
     rate = inf if dt is None else 1.0 / dt
-    feedback_loops(channels, rate, None if path is None else Path(path), label)
+    feedback_loops(channels, rate, None if path is None else Path(path), (label, ''))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

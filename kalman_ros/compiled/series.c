@@ -14,6 +14,10 @@
 #define TRUTH int
 #define ANY(known) (known)
 #define TERMS 18
+#if ORDER > 6 /* where it takes the compiler long, and is no faster */
+#undef UNROLLED
+#define UNROLLED
+#endif
 #endif
 
 /* C = factor A B, with A given by its count numbers a that are not zero, row by row */
@@ -21,12 +25,12 @@ INLINE void NAMED(product)(int count, const int *rows, const int *columns, const
                            real factor, const NUMBER *B, NUMBER *C)
 {
     int k = 0;
-#pragma GCC unroll 16
+    UNROLLED
     for (int i = 0; i < ORDER; i++) {
         NUMBER sum[ORDER];
         for (int j = 0; j < ORDER; j++)
             sum[j] = (NUMBER){0};
-#pragma GCC unroll 16
+        UNROLLED
         for (; k < count && rows[k] == i; k++) {
             const NUMBER share = factor * a[k], *row = B + columns[k] * ORDER;
             for (int j = 0; j < ORDER; j++)

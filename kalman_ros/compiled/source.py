@@ -11,14 +11,16 @@ import casadi
 
 from .tracing import Trace
 
-#: Functions marked FAST are compiled for wider registers, too.
+#: Functions marked FAST are compiled for wider registers, too, and loops marked UNROLLED repeated.
 FAST = """/* the processor of this machine may have wider registers than all of its kind */
 #if defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__)
 #define FAST __attribute__((target_clones("avx2", "default")))
 #define INLINE static inline __attribute__((always_inline))
+#define UNROLLED _Pragma("GCC unroll 16")
 #else
 #define FAST
 #define INLINE static inline
+#define UNROLLED
 #endif
 """
 _HEAD = f"""#include <math.h>

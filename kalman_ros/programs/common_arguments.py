@@ -4,12 +4,16 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterable
 from math import inf
 
 from kalman_ros import models
 
+#: Forms of two numbers of a name, with what is between them in the middle.
+INTERVAL, PRIOR = ('NAME=LOW', '..', 'HIGH'), ('NAME=MEAN', '+-', 'STD')
 
-def add_scenario(parser: argparse.ArgumentParser) -> None:
+
+def add_scenario(parser: argparse._ActionsContainer) -> None:
     """Add the argument SCENARIO, with the default scenario as its default."""
     parser.add_argument(
         'scenario', nargs='?', default=models.DEFAULT,
@@ -34,3 +38,26 @@ def add_parameters(parser: argparse.ArgumentParser, purpose: str) -> None:
         '-p', action='append', default=[], metavar='NAME:=VALUE', dest='parameters',
         help=f'{purpose}; may be repeated',
     )  # fmt: skip
+
+
+def pairs(
+    option: str, texts: Iterable[str], form: tuple[str, str, str]
+) -> dict[str, tuple[float, float]]:
+    """Return pairs of numbers by name.
+
+    Raises
+    ------
+    ValueError
+        If a text has another form, or a name occurs twice.
+    """
+    found: dict[str, tuple[float, float]] = {}
+    for text in texts:
+        name, _, numbers = text.partition('=')
+        try:
+            first, second = map(float, numbers.split(form[1]))
+        except ValueError:
+            raise ValueError(f"{option}: expected {''.join(form)}, got '{text}'") from None
+        if name in found:
+            raise ValueError(f'{option}: expected one of {name}, got two')
+        found[name] = first, second
+    return found

@@ -16,7 +16,7 @@ from kalman_ros.analysis import design_theory, design_warnings
 from kalman_ros.analysis import path as paths
 from kalman_ros.analysis.worst_case import WorstCases, named_plants, worst_cases
 from kalman_ros.control.limiter import Limits
-from kalman_ros.programs.common_arguments import add_parameters
+from kalman_ros.programs.common_arguments import INTERVAL, add_parameters, add_scenario, pairs
 from kalman_ros.programs.known_parameters import refuse_unknown_parameters
 from kalman_ros.programs.refusal import refuse
 from kalman_ros.scenario import Scenario, shipped
@@ -35,10 +35,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         epilog='Exit code: 0 if a design exists, with or without warnings, 2 otherwise.',
     )
     where = parser.add_mutually_exclusive_group()
-    where.add_argument(
-        'scenario', nargs='?', default=models.DEFAULT,
-        help='a name in config/, or a parameter file of your own (default: %(default)s)',
-    )  # fmt: skip
+    add_scenario(where)
     where.add_argument(
         '--params-file', type=Path, metavar='FILE', help='the same as a parameter file'
     )
@@ -87,32 +84,11 @@ def limits_of_inputs(path: Path, changes: dict[str, Any], built: Scenario) -> Li
     return actuators(built, {**from_file(path, 'controller'), **changes})[0]
 
 
-def intervals(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Return low and high ends by name.
-
-    Raises
-    ------
-    ValueError
-        If a text has another form.
-    """
-    ends = {}
-    for text in texts:
-        name, _, pair = text.partition('=')
-        try:
-            low, high = map(float, pair.split('..'))
-        except ValueError:
-            raise ValueError(f"within: expected NAME=LOW..HIGH, got '{text}'") from None
-        if name in ends:
-            raise ValueError(f'within: expected one interval of {name}, got two')
-        ends[name] = (low, high)
-    return ends
-
-
 def robustness(
     path: Path, changes: dict[str, Any], texts: Sequence[str], built: Scenario
 ) -> WorstCases | None:
     """Return the worst case over the intervals that a person typed, if any."""
-    ends = intervals(texts)
+    ends = pairs('--within', texts, INTERVAL)
     if not ends:
         return None
     values = {'model': models.DEFAULT, **from_file(path, 'estimator', 'controller'), **changes}

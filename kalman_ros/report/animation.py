@@ -21,8 +21,7 @@ from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.trajectory import Trajectory
 
 from .drawings import DRAWN, Moments, curves, rows
-from .maps import SIGMAS
-from .style import BOUND, ESTIMATE, INPUT, READING, STYLE, TRUTH, time_unit
+from .style import BOUND, ESTIMATE, INPUT, READING, SIGMAS, STYLE, TRUTH, time_unit
 
 #: Number of frames of an animation, and duration of each in milliseconds.
 FRAMES, _PERIOD = 100, 80

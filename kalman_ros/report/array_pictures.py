@@ -13,8 +13,7 @@ from kalman_ros.core import Array, Space
 from kalman_ros.simulation.trajectory import Series
 
 from .mixture_parts import draw_parts, parts_of
-from .run_pictures import SIGMAS
-from .style import BOUND, ESTIMATE, READING, TRUTH, legend_below, picture
+from .style import BOUND, ESTIMATE, READING, SIGMAS, TRUTH, legend_below, picture
 
 
 class Estimates(Protocol):

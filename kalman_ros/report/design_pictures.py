@@ -147,17 +147,13 @@ def _settled(time: Array, std: Array) -> float:
 def loops(report: DesignReport, path: Path | None) -> None:
     """Draw Bode and Nyquist plots at each input, for feedback of the state and of the estimate."""
     channels = report.regulator.loops if report.regulator else ()
-    with canvas(path, (9.5, 4.0 * len(channels) + 0.3), _LOOPS) as figure:
-        parts = figure.subfigures(len(channels), 1, squeeze=False)[:, 0]
-        known, estimated = loop_names(report.scenario.law)
-        names = f'{known}, all states known', f'{estimated}, with the estimate'
-        for part, channel in zip(parts, channels):
-            _draw_input(part, channel, names, report.scenario.rate)
-        legend_below(figure, parts[-1].axes[-1])
+    known, estimated = loop_names(report.scenario.law)
+    names = f'{known}, all states known', f'{estimated}, with the estimate'
+    feedback_loops(channels, report.scenario.rate, path, names)
 
 
 def feedback_loops(
-    channels: Sequence[InputLoops], rate: float, path: Path | None, label: str
+    channels: Sequence[InputLoops], rate: float, path: Path | None, names: tuple[str, str]
 ) -> None:
     """Draw Bode and Nyquist plots of a feedback at each input.
 
@@ -169,13 +165,13 @@ def feedback_loops(
         Samples a second; infinite in continuous time.
     path
         Where to save the picture; None to show it.
-    label
-        Name of the curves in the legend.
+    names
+        Names in the legend: of the loop with all states known, and with the estimate.
     """
     with canvas(path, (9.5, 4.0 * len(channels) + 0.3), _LOOPS) as figure:
         parts = figure.subfigures(len(channels), 1, squeeze=False)[:, 0]
         for part, channel in zip(parts, channels):
-            _draw_input(part, channel, (label, ''), rate)
+            _draw_input(part, channel, names, rate)
         legend_below(figure, parts[-1].axes[-1])
 
 

@@ -27,8 +27,8 @@ from .drawing_parts import (
     window,
 )
 from .ellipse import outline
-from .maps import SIGMAS, frame, magnified, observer, plane, sights
-from .style import BOUND, ESTIMATE, INPUT, READING, TRUTH, time_label
+from .maps import frame, magnified, observer, plane, sights
+from .style import BOUND, ESTIMATE, INPUT, READING, SIGMAS, TRUTH, time_label
 
 #: Largest number of curves of a system without a drawing.
 _ROWS = 4

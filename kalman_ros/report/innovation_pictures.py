@@ -12,9 +12,8 @@ from kalman_ros.core import Array
 from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.trajectory import Innovations, Trajectory
 
-from .style import BOUND, ESTIMATE, TRUTH, figure_with, legend_below, time_label
+from .style import BOUND, ESTIMATE, SIGMAS, TRUTH, figure_with, legend_below, time_label
 
-SIGMAS = 3.0
 #: Limit of the histogram in standard deviations.
 _WIDEST = 4.0
 #: Largest lag, in readings.

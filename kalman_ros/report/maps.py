@@ -15,13 +15,12 @@ from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.trajectory import Trajectory
 
 from .ellipse import outline
-from .style import BOUND, ESTIMATE, INPUT, READING, TRUTH, canvas, legend_below
+from .style import BOUND, ESTIMATE, INPUT, READING, SIGMAS, TRUTH, canvas, legend_below
 
 #: Pieces of a track, each less pale than the one before, and the opacity of the first.
 _FADES, _FAINTEST, _POWER = 24, 0.15, 2.5
 #: Names of states that are a position in a plane, in order of preference.
 PLANES = (('x', 'y'), ('x', 'z'))
-SIGMAS = 3.0
 #: Numbers of ellipses, of bearings of each sensor, and of readings of the position.
 _ELLIPSES, _BEARINGS, _READINGS = 12, 15, 300
 #: Margin around the tracks, as a share of their size.

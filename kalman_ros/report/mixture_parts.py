@@ -13,8 +13,7 @@ from kalman_ros.core import Array, Gaussian
 from kalman_ros.estimators.mixture import Mixture
 
 from .ellipse import outline
-from .run_pictures import SIGMAS
-from .style import ESTIMATE
+from .style import ESTIMATE, SIGMAS
 
 #: Opacity of a part that has all the weight, and the least with which one can be seen.
 _DARKEST, _PALEST = 0.6, 0.04

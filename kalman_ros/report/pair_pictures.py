@@ -13,9 +13,8 @@ from kalman_ros.core import Array, Space
 from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.trajectory import Trajectory
 
-from .style import ESTIMATE, INPUT, legend_below, picture
+from .style import ESTIMATE, INPUT, SIGMAS, legend_below, picture, with_gaps
 
-SIGMAS = 3.0
 #: Styles of the first run, and of the second run, which is thinner and drawn above it.
 _LOOKS = ({'color': ESTIMATE, 'lw': 1.8}, {'color': INPUT, 'lw': 0.7})
 
@@ -67,7 +66,7 @@ def _band(run: Trajectory) -> Array:
 def _draw_states(
     axes: Any, state: Space, run: Trajectory, label: str, look: dict[str, Any]
 ) -> None:
-    truth = np.where(state.jumps(run.truth), np.nan, run.truth)
+    truth = with_gaps(run.truth, state)
     error = state.subtract(run.truth, run.estimate)
     band = _band(run)
     for index, row in enumerate(axes[: state.size]):

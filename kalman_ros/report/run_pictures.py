@@ -28,14 +28,15 @@ from .style import (
     ESTIMATE,
     INPUT,
     READING,
+    SIGMAS,
     TRUTH,
     envelope,
     legend_below,
     picture,
     time_unit,
+    with_gaps,
 )
 
-SIGMAS = 3.0
 #: Largest number of readings of a state in the overview.
 MOST_READINGS = 200
 
@@ -162,7 +163,7 @@ def _draw_state(
     """
     part = run.time <= until
     time = run.time[part]
-    mean, truth = (_with_gaps(x, space)[part, index] for x in (run.estimate, run.truth))
+    mean, truth = (with_gaps(x, space)[part, index] for x in (run.estimate, run.truth))
     if space.names[index] in space.angles:
         truth = np.unwrap(run.truth[:, index])[part]
         mean = _unwrap_near(run.estimate[part, index], truth)
@@ -185,11 +186,6 @@ def _draw_state(
     axis.plot(time, truth, color=TRUTH, lw=2.0, label='truth')
     axis.plot(time, mean, color=ESTIMATE, lw=0.9, label='estimate')
     return _panel_limits(truth, mean, band, read)
-
-
-def _with_gaps(x: Array, space: Space) -> Array:
-    """Return curves (N, n) with a gap at each wrap."""
-    return np.where(space.jumps(x), np.nan, x)
 
 
 def states(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import (
     FormatStrFormatter,
@@ -19,7 +20,7 @@ from matplotlib.ticker import (
 )
 
 from kalman_ros.analysis.checks import Check
-from kalman_ros.core import Array
+from kalman_ros.core import Array, Space
 
 TRUTH = '#1a1a1a'
 ESTIMATE = '#0b6fb8'
@@ -29,6 +30,8 @@ BOUND = '#5a9bd0'
 #: Colours of other curves, distinct without colour vision (M. Okabe and K. Ito, 2008).
 CURVES = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9')
 
+#: Half the width of bands, in standard deviations.
+SIGMAS = 3.0
 #: Ratio of the ends of a logarithmic axis below which it has plain numbers.
 _SHORT = 100.0
 #: Settings of matplotlib.
@@ -60,6 +63,11 @@ def caption(text: str, time: str = 's') -> Iterator[None]:
     finally:
         _CAPTION.reset(tokens[0])
         _TIME.reset(tokens[1])
+
+
+def with_gaps(curves: Array, space: Space) -> Array:
+    """Return curves (N, n) with a gap at each wrap of an angle."""
+    return np.where(space.jumps(curves), np.nan, curves)
 
 
 def time_unit() -> str:

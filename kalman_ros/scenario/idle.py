@@ -29,3 +29,8 @@ def idle_input(model: Dynamics, choice: str) -> Array:
     if choice == 'equilibrium':
         return model.equilibrium.input
     raise ValueError(f"idle_input: expected zero or equilibrium, got '{choice}'")
+
+
+def idle_name(input: Array) -> str:
+    """Return an idle input (m,) in words."""
+    return "the equilibrium's" if input.any() else 'zero'

@@ -10,6 +10,7 @@ import pytest
 
 pytest.importorskip('rclpy')
 
+from kalman_ros import models
 from kalman_ros.live.adjustments import Adjustments
 from kalman_ros.programs import design
 from kalman_ros.programs.study import STUDIES
@@ -71,10 +72,13 @@ def test_its_commands_exist(chapter):
         if name == 'design':
             options = design.arguments(arguments)
             assert shipped.file(options.scenario)
-            assert design.intervals(options.within)
+            assert design.pairs('--within', options.within, design.INTERVAL)
             continue
-        assert name == 'live'
-        scenario, *options = arguments
+        assert name in ('live', 'demo')
+        scenario = models.DEFAULT
+        if arguments[0] != '-p':
+            scenario, *arguments = arguments
+        options = arguments
         assert options[::2] == ['-p'] * (len(options) // 2)
         assert Adjustments(shipped.file(scenario), overrides(options[1::2])).sensors
 

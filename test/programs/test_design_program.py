@@ -31,17 +31,19 @@ def test_matrices_are_printed_only_where_they_are_wanted(tmp_path, capsys, monke
 @pytest.mark.parametrize(
     ('within', 'message'),
     [
-        ('mass', "within: expected NAME=LOW..HIGH, got 'mass'"),
+        ('mass', "--within: expected NAME=LOW..HIGH, got 'mass'"),
         ('mass=1', 'within: expected'),
         ('mass=a..b', 'within: expected'),
         ('mass=1..2..3', 'within: expected'),
+        ('mass=0.5..2 mass=1..3', '--within: expected one of mass, got two'),
         ('mas=0.5..2', "unknown parameter 'mas'; did you mean 'mass'"),
         ('mass=2..3', 'expected low < high about its designed value 1'),
     ],
 )
 def test_wrong_interval_is_one_line(within, message, tmp_path, capsys) -> None:
     with pytest.raises(SystemExit) as error:
-        design.main(['mass_spring_damper', '--within', within, '--out', str(tmp_path)])
+        given = [word for text in within.split() for word in ('--within', text)]
+        design.main(['mass_spring_damper', *given, '--out', str(tmp_path)])
     assert error.value.code == 2
     text = capsys.readouterr().err
     assert message in text

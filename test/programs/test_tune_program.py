@@ -106,8 +106,11 @@ def test_a_part_is_fitted_alone(recording, tmp_path, capsys):
 @pytest.mark.parametrize(('arguments', 'words'), [
     (['--fit', 'mss'], "did you mean 'mass'"),
     (['--fit', 'mass', '--bounds', 'mass=2..3'], 'exclude the start'),
-    (['--bounds', 'mass=2-3'], '--bounds: expected NAME=NUMBER..NUMBER'),
-    (['--prior', 'mass=1.4'], '--prior: expected NAME=NUMBER+-NUMBER'),
+    (['--bounds', 'mass=2-3'], '--bounds: expected NAME=LOW..HIGH'),
+    (['--prior', 'mass=1.4'], '--prior: expected NAME=MEAN+-STD'),
+    (['--bounds', 'mass=1..3', 'mass=1..4'], '--bounds: expected one of mass, got two'),
+    (['--fit', 'mass', '--prior', 'mass=1+-1', 'model_parameters.mass=1+-2'],
+     'priors: expected one of model_parameters.mass, got two'),
     (['--fit', 'mass', '--prior', 'mass=1.4+-0'], 'expected a prior of a mean and a standard'),
     (['--hold-out', '1'], '--hold-out'),
     (['-p', 'model_parameters.mass:=-1.0'], 'mass'),

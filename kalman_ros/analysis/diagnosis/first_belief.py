@@ -7,7 +7,6 @@ import numpy as np
 
 from .examination import CHANCE, Examination
 from .finding import Finding
-from .responses import fitted
 
 
 def find(case: Examination) -> list[Finding]:
@@ -15,9 +14,7 @@ def find(case: Examination) -> list[Finding]:
     columns = case.responses.columns('first')
     if not columns:
         return []
-    fit = fitted(
-        case.responses.gradient[columns], case.responses.information[np.ix_(columns, columns)]
-    )
+    fit = case.responses.together(columns)
     if fit.gain < CHANCE + 2.0 * len(columns):
         return []
     belief, space = case.evidence.scenario.initial_belief, case.evidence.scenario.model.state

@@ -10,7 +10,7 @@ import numpy as np
 from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Finding
-from .responses import Fit, fitted
+from .responses import Fit
 
 #: A lever arm (m) below this is no finding.
 _RELEVANT = 0.02
@@ -34,10 +34,7 @@ def find(case: Examination) -> list[Finding]:
 def _fit(case: Examination, name: str) -> Fit | None:
     """Return the fit of how much farther along each axis the sensor is (3,)."""
     columns = case.responses.columns('arm', name)
-    if not columns:
-        return None
-    responses = case.responses
-    return fitted(responses.gradient[columns], responses.information[np.ix_(columns, columns)])
+    return case.responses.together(columns) if columns else None
 
 
 def _moved(case: Examination, name: str, fit: Fit) -> Finding | None:

@@ -19,7 +19,7 @@ from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
 from .hypotheses import alike
-from .responses import Fit, fitted
+from .responses import Fit
 from .units import label_of, mixed, mixing, replaced
 
 #: Smallest rotation that is a finding, and largest difference from a quarter turn, in rad.
@@ -245,9 +245,7 @@ def best_rotation(case: Examination, name: str, group: tuple[int, ...]) -> Array
         return max(plane_rotations(), key=gain)
     pairs = [(str(i), str(j)) for i in group for j in group]
     columns = [at for pair in pairs for at in case.responses.columns('mix', name, *pair)]
-    fit = fitted(
-        case.responses.gradient[columns], case.responses.information[np.ix_(columns, columns)]
-    )
+    fit = case.responses.together(columns)
     return best_near(nearest_rotation(np.eye(3) - fit.size.reshape(3, 3)), gain)
 
 

@@ -93,6 +93,10 @@ class Responses:
         M = basis.T @ self.information[np.ix_(columns, columns)] @ basis
         return fitted(g, M)
 
+    def together(self, columns: Sequence[int]) -> Fit:
+        """Return the fit of some columns, each with its size."""
+        return fitted(self.gradient[columns], self.information[np.ix_(columns, columns)])
+
     def alone(self, column: int) -> Fit:
         """Return the fit of one column."""
         return self.fit(np.ones((1, 1)), [column])

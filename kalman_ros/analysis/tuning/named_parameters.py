@@ -8,7 +8,7 @@ parameters of the file, each sensor has a ``bias`` and a ``delay``.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, isinf
 from typing import Any
 
@@ -102,12 +102,7 @@ class NamedParameters:
             If a name is unknown or ambiguous, or if a bound or a prior is invalid.
         """
         chosen = list(dict.fromkeys(full for name in names for full in self._resolve(name)))
-        all_bounds = {
-            full: pair for n, pair in (bounds or {}).items() for full in self._resolve(n)
-        }
-        all_priors = {
-            full: pair for n, pair in (priors or {}).items() for full in self._resolve(n)
-        }
+        all_bounds, all_priors = self._resolved('bounds', bounds), self._resolved('priors', priors)
         for kind, constrained in (('bounds', all_bounds), ('priors', all_priors)):
             for name in constrained:
                 if name not in chosen:
@@ -121,6 +116,18 @@ class NamedParameters:
             for name in chosen
         ]
         return [place.free for place in self._chosen]
+
+    def _resolved(
+        self, kind: str, pairs: Mapping[str, tuple[float, float]] | None
+    ) -> dict[str, tuple[float, float]]:
+        """Return pairs by full name; raise ValueError if two are of the same parameter."""
+        found: dict[str, tuple[float, float]] = {}
+        for name, pair in (pairs or {}).items():
+            for full in self._resolve(name):
+                if full in found:
+                    raise ValueError(f'{kind}: expected one of {full}, got two')
+                found[full] = pair
+        return found
 
     def _resolve(self, name: str) -> list[str]:
         """Return the full names of the parameters to which a name refers."""
@@ -280,13 +287,8 @@ def _constrain(
     """Return a parameter with narrower bounds and a prior."""
     free = place.free
     low, high = bounds or (-inf, inf)
-    return _Place(
-        place.option, place.element,
-        FreeParameter(
-            free.name, free.start, max(low, free.low), min(high, free.high), free.positive,
-            free.scale, free.unit, prior,
-        ),
-    )  # fmt: skip
+    low, high = max(low, free.low), min(high, free.high)
+    return replace(place, free=replace(free, low=low, high=high, prior=prior))
 
 
 def candidate_of(

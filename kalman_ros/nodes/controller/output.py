@@ -11,6 +11,7 @@ from rclpy.duration import Duration
 
 from kalman_ros.control.limiter import Limiter
 from kalman_ros.core import Array, is_finite
+from kalman_ros.scenario.idle import idle_name
 
 #: A pause between two inputs counts for at most this many seconds, or one period: after it
 #: the input must not jump by all that the rate limit would have allowed meanwhile.
@@ -70,14 +71,9 @@ class OutputStage:
         return self._limiter.value
 
     @property
-    def idle(self) -> Array:
-        """The input (m,) while no controller acts."""
-        return self._limiter.idle
-
-    @property
     def idle_name(self) -> str:
         """What the idle input is."""
-        return "the equilibrium's" if self.idle.any() else 'zero'
+        return idle_name(self._limiter.idle)
 
     @property
     def at_idle(self) -> bool:

@@ -12,6 +12,7 @@ from kalman_ros.codecs.signal_codecs import codec_of
 from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Array, Signal
 from kalman_ros.pipeline.input_messages import InputDecoder
+from kalman_ros.scenario.idle import idle_name
 
 
 class PlantInput:
@@ -50,7 +51,7 @@ class PlantInput:
     @property
     def idle_name(self) -> str:
         """The idle input as text."""
-        return "the equilibrium's" if self.idle.any() else 'zero'
+        return idle_name(self.idle)
 
     def take(self, data: bytes) -> Sample | None:
         """Count a message and return its input; None if that is not finite."""

@@ -12,22 +12,22 @@ from matplotlib.ticker import MaxNLocator
 
 from kalman_ros.analysis.checks import MISS
 from kalman_ros.bags.replayed import Replayed
-from kalman_ros.core import Array, Space
 from kalman_ros.report.style import (
     BOUND,
     ESTIMATE,
     INPUT,
     READING,
+    SIGMAS,
     TRUTH,
     figure_with,
     legend_below,
     picture,
+    with_gaps,
 )
 
 from .comparison import Comparison
 from .statistics import LAGS, autocorrelation, normalised_innovations, plane, whiteness_bound
 
-SIGMAS = 3.0
 #: Largest number of points of a curve; of a longer curve, every k-th point is drawn.
 _MOST = 20_000
 #: Number of readings in a running mean.
@@ -52,11 +52,6 @@ def _every_kth(count: int) -> slice:
     return slice(None, None, max(1, ceil(count / _MOST)))
 
 
-def _broken(values: Array, space: Space) -> Array:
-    """Return curves (N, n) with gaps where an angle wraps."""
-    return np.where(space.jumps(values), np.nan, values)
-
-
 def states(replayed: Replayed, path: Path) -> None:
     """Draw each state with its band, and the readings, the truth and the smoothed state."""
     space, beliefs = replayed.scenario.model.state, replayed.beliefs
@@ -71,15 +66,15 @@ def states(replayed: Replayed, path: Path) -> None:
             label = f'estimate, {SIGMAS:g} sigma'
             axis.fill_between(time, x - band, x + band, color=BOUND, alpha=0.35, lw=0, label=label)
             axis.plot(
-                time, _broken(mean, space)[:, index], color=ESTIMATE, lw=1.0, label='estimate'
+                time, with_gaps(mean, space)[:, index], color=ESTIMATE, lw=1.0, label='estimate'
             )
             if replayed.smoothed is not None and len(replayed.smoothed.time):
                 s = replayed.smoothed
                 some = _every_kth(len(s.time))
-                curve = _broken(s.mean[some], space)[:, index]
+                curve = with_gaps(s.mean[some], space)[:, index]
                 axis.plot(s.time[some], curve, color=INPUT, lw=0.9, label='smoothed')
             if truth is not None:
-                curve = _broken(truth, space)[:, index]
+                curve = with_gaps(truth, space)[:, index]
                 axis.plot(time, curve, color=TRUTH, lw=0.8, label='truth')
             axis.set_ylabel(space.label(name))
         axes[0, 0].set_title('What was estimated')

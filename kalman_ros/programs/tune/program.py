@@ -22,7 +22,7 @@ from kalman_ros.analysis.tuning.held_out import Judgement, judge
 from kalman_ros.analysis.tuning.profiles import Profile, profiles
 from kalman_ros.analysis.tuning.robust_margins import RobustMargins, robust_margins
 from kalman_ros.core import DesignError, Dynamics
-from kalman_ros.programs.common_arguments import add_parameters, add_part
+from kalman_ros.programs.common_arguments import INTERVAL, PRIOR, add_parameters, add_part, pairs
 from kalman_ros.programs.refusal import refuse
 from kalman_ros.programs.results import of_recording, ready
 from kalman_ros.scenario import Scenario, build, shipped
@@ -59,11 +59,11 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         '(default: all noise)',
     )  # fmt: skip
     parser.add_argument(
-        '--bounds', nargs='+', default=[], metavar='NAME=LOW..HIGH',
+        '--bounds', nargs='+', default=[], metavar=''.join(INTERVAL),
         help='the bounds of a parameter',
     )  # fmt: skip
     parser.add_argument(
-        '--prior', nargs='+', default=[], metavar='NAME=MEAN+-STD',
+        '--prior', nargs='+', default=[], metavar=''.join(PRIOR),
         help='what is known of a parameter before',
     )  # fmt: skip
     parser.add_argument(
@@ -78,21 +78,6 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     return parser.parse_args(argv)
 
 
-def pairs(option: str, texts: Sequence[str], between: str) -> dict[str, tuple[float, float]]:
-    """Return NAME=A..B arguments by name; ValueError if one is malformed."""
-    values = {}
-    for text in texts:
-        name, _, rest = text.partition('=')
-        first, _, second = rest.partition(between)
-        try:
-            values[name] = float(first), float(second)
-        except ValueError:
-            raise ValueError(
-                f"{option}: expected NAME=NUMBER{between}NUMBER, got '{text}'"
-            ) from None
-    return values
-
-
 def main(argv: Sequence[str] | None = None) -> None:
     """Fit, print and draw; exit with 1 if the fit does not explain the readings held out."""
     options, console = arguments(argv), Console(highlight=False)
@@ -102,8 +87,8 @@ def main(argv: Sequence[str] | None = None) -> None:
                 f'--hold-out: expected a share from 0 to below 1, got {options.hold_out:g}'
             )
         changes = overrides(options.parameters)
-        bounds = pairs('--bounds', options.bounds, '..')
-        priors = pairs('--prior', options.prior, '+-')
+        bounds = pairs('--bounds', options.bounds, INTERVAL)
+        priors = pairs('--prior', options.prior, PRIOR)
         folder = ready(options.out or of_recording(options.bag, 'tune'))
         with _bar(console) as bar:
             task = bar.add_task('reading the recording', total=None)
