@@ -47,6 +47,21 @@ class Check:
     high: float
     passed: bool
 
+    @classmethod
+    def within(
+        cls, name: str, unit: str, expected: float, measured: float, low: float, high: float
+    ) -> Check:
+        """Return the check that passes if a number is within its bounds."""
+        return cls(name, unit, expected, measured, low, high, bool(low <= measured <= high))
+
+    @classmethod
+    def ratio(cls, name: str, measured: float, variance: float, miss: float) -> Check:
+        """Return the check of a mean square of 1 with a ``variance``.
+
+        It fails by chance with the probability ``miss``.
+        """
+        return cls.within(name, '', 1.0, measured, *chi_square_bounds(1.0, variance, miss))
+
     @property
     def counts(self) -> bool:
         """Whether the check has bounds; a pole passes or fails with its dynamics."""
@@ -162,18 +177,14 @@ def checks(scenario: Scenario, theory: LqgTheory, run: Trajectory) -> list[Check
         root = unit not in ('', '1/s')
         numbers = np.array([expected.mean, value, low, high]) * scale
         numbers = np.sqrt(numbers) if root else numbers
-        mean, value_, low_, high_ = numbers.tolist()
-        results.append(Check(name, unit, mean, value_, low_, high_, low <= value <= high))
+        results.append(Check.within(name, unit, *numbers.tolist()))
     spread = nis_variances(scenario.plan, fixed_gain_observer(scenario))
     for name in scenario.enabled:
         nis = run.innovations[name].nis
         nis = nis[run.innovations[name].time >= run.time[settled] - 0.5 * dt]
         k = scenario.sensors[name].sensor.output.size
-        low, high = chi_square_bounds(1.0, spread[name] / (k**2 * len(nis)), miss)
-        value = float(nis.mean()) / k
-        results.append(
-            Check(f'NIS of {name} / {k}', '', 1.0, value, low, high, low <= value <= high)
-        )
+        variance = spread[name] / (k**2 * len(nis))
+        results.append(Check.ratio(f'NIS of {name} / {k}', float(nis.mean()) / k, variance, miss))
     results += _check_dynamics(loop, run, settled, scenario.model.state, dt, miss)
     return results
 
@@ -233,14 +244,12 @@ def _check_dynamics(
     )  # fmt: skip
     results = []
     for name, fitted, exact, noise, poles, fitted_poles, length in cases:
-        measured = fitted.distance(exact, noise) / exact.size
-        low, high = chi_square_bounds(1.0, 2.0 / exact.size, miss)
-        passed = low <= measured <= high
+        misfit = fitted.distance(exact, noise) / exact.size
+        dynamics = Check.ratio(f'{name} dynamics, misfit^2', misfit, 2.0 / exact.size, miss)
         for pole, nearest in zip(*_pair_poles(poles, fitted_poles)):
             s, near = continuous_poles(np.array([pole, nearest]), length).tolist()
-            results.append(Check(f'{name} pole', '1/s', s, near, nan, nan, passed))
-        label = f'{name} dynamics, misfit^2'
-        results.append(Check(label, '', 1.0, measured, low, high, passed))
+            results.append(Check(f'{name} pole', '1/s', s, near, nan, nan, dynamics.passed))
+        results.append(dynamics)
     return results
 
 

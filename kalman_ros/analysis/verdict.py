@@ -9,7 +9,6 @@ from math import inf, nan
 import numpy as np
 from scipy.special import ndtri
 
-from kalman_ros.estimators.consistency import chi_square_bounds
 from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.trajectory import Trajectory
 
@@ -110,17 +109,16 @@ def consistency(scenario: Scenario, run: Trajectory) -> list[Check]:
     largest = (error / np.sqrt(run.covariance.diagonal(axis1=1, axis2=2))).max(axis=0)
     limit = float(-ndtri(miss / (2.0 * len(error))))
     results = [
-        Check(f'largest error of {name} / std', '', nan, value, 0.0, limit, value <= limit)
+        Check.within(f'largest error of {name} / std', '', nan, value, 0.0, limit)
         for name, value in zip(space.names, largest.tolist())
     ]
     results.append(nees_check(scenario, run, miss))
     for name in scenario.enabled:
         nis = run.innovations[name].nis
         k = scenario.sensors[name].sensor.output.size
-        low, high = chi_square_bounds(1.0, 2.0 / (k * max(1, len(nis))), miss)
         value = float(nis.mean()) / k if len(nis) else np.nan
-        label = f'NIS of {name} / {k}'
-        results.append(Check(label, '', 1.0, value, low, high, low <= value <= high))
+        variance = 2.0 / (k * max(1, len(nis)))
+        results.append(Check.ratio(f'NIS of {name} / {k}', value, variance, miss))
     return results
 
 
@@ -134,5 +132,4 @@ def nees_check(scenario: Scenario, run: Trajectory, miss: float = MISS) -> Check
         _, mean, variance = average_nees(scenario, run)
     except np.linalg.LinAlgError:
         mean, variance = inf, 2.0 / n
-    low, high = chi_square_bounds(1.0, variance, miss)
-    return Check(f'NEES / {n}', '', 1.0, mean, low, high, low <= mean <= high)
+    return Check.ratio(f'NEES / {n}', mean, variance, miss)

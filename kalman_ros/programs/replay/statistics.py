@@ -12,7 +12,7 @@ from scipy.special import ndtri
 from kalman_ros.analysis.checks import MISS, Check
 from kalman_ros.bags.replayed import Replayed, SensorReplay
 from kalman_ros.core import Array, Space
-from kalman_ros.estimators.consistency import chi_square_bounds, independent, nees
+from kalman_ros.estimators.consistency import independent, nees
 
 #: Fewest values that are checked.
 _LEAST = 20
@@ -178,18 +178,19 @@ def checks(replayed: Replayed, error: Errors | None) -> list[Check]:
     result = []
     for name, stats in enough.items():
         k = replayed.sensors[name].value.shape[1]
-        low, high = chi_square_bounds(1.0, 2.0 / (k * stats.count), miss)
-        result.append(_check(f'NIS of {name} / {k}', 1.0, stats.nis, low, high))
+        variance = 2.0 / (k * stats.count)
+        result.append(Check.ratio(f'NIS of {name} / {k}', stats.nis, variance, miss))
         bound = whiteness_bound(stats.count, k, miss)
-        result.append(_check(f'whiteness of {name}', 0.0, stats.whiteness, -bound, bound))
+        whiteness = f'whiteness of {name}', '', 0.0, stats.whiteness, -bound, bound
+        result.append(Check.within(*whiteness))
     for name, stats in numbers.items():
         share = stats.dropped / stats.received if stats.received >= _LEAST else 0.0
         if share > _MOST_DROPPED:
-            result.append(_check(f'dropped of {name}', 0.0, share, 0.0, _MOST_DROPPED))
+            result.append(Check.within(f'dropped of {name}', '', 0.0, share, 0.0, _MOST_DROPPED))
     if error is not None:
         n = replayed.scenario.model.state.size
-        low, high = chi_square_bounds(1.0, 2.0 / (n * error.independent), miss)
-        result.append(_check(f'NEES / {n}', 1.0, error.nees, low, high))
+        variance = 2.0 / (n * error.independent)
+        result.append(Check.ratio(f'NEES / {n}', error.nees, variance, miss))
     return result
 
 
@@ -200,10 +201,6 @@ def unjudged(replayed: Replayed) -> dict[str, int]:
         for name, sensor in replayed.sensors.items()
         if replayed.scenario.sensors[name].judged and statistics(sensor).count < _LEAST
     }
-
-
-def _check(name: str, expected: float, measured: float, low: float, high: float) -> Check:
-    return Check(name, '', expected, measured, low, high, low <= measured <= high)
 
 
 def largest_change(replayed: Replayed) -> tuple[str, float, float, float] | None:

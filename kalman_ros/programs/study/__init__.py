@@ -71,13 +71,13 @@ class Findings:
 
 def close(name: str, unit: str, expected: float, measured: float, tolerance: float) -> Check:
     """Compare a number with a prediction that holds within ``tolerance``."""
-    low, high = expected - tolerance, expected + tolerance
-    return Check(name, unit, expected, measured, low, high, bool(low <= measured <= high))
+    bounds = expected - tolerance, expected + tolerance
+    return Check.within(name, unit, expected, measured, *bounds)
 
 
 def between(name: str, unit: str, low: float, measured: float, high: float) -> Check:
     """Compare a number with bounds, without a prediction."""
-    return Check(name, unit, np.nan, measured, low, high, bool(low <= measured <= high))
+    return Check.within(name, unit, np.nan, measured, low, high)
 
 
 def largest(difference: Array) -> float:
@@ -96,7 +96,5 @@ def mean_square(
 ) -> Check:
     """Compare a mean square, or its root, with its scatter over runs."""
     low, high = chi_square_bounds(expected.mean, expected.std**2, miss)
-    passed = bool(low <= measured <= high)
     numbers = np.array([expected.mean, measured, low, high])
-    mean, value, low, high = (np.sqrt(numbers) if root else numbers).tolist()
-    return Check(name, unit, mean, value, low, high, passed)
+    return Check.within(name, unit, *(np.sqrt(numbers) if root else numbers).tolist())

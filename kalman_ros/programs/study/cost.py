@@ -127,8 +127,7 @@ def _checks(real: Scenario, variants: Sequence[Variant]) -> list[Any]:
     scatter = loop.loop.average(weight, steps)[0].std * real.rate
     low, high = chi_square_bounds(best.expected, scatter**2 / n, MISS)
     measured = float(best.costs.mean())
-    passed = bool(low <= measured <= high)
-    checks.append(Check('cost of LQG', '1/s', least_cost(real), measured, low, high, passed))
+    checks.append(Check.within('cost of LQG', '1/s', least_cost(real), measured, low, high))
     for variant in variants:
         if variant.factor == 1.0:
             continue

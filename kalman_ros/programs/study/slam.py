@@ -17,7 +17,7 @@ import numpy as np
 
 from kalman_ros.analysis.checks import MISS, Check
 from kalman_ros.core import Array, LinearSystem, Space
-from kalman_ros.estimators.consistency import chi_square_bounds, nees
+from kalman_ros.estimators.consistency import nees
 from kalman_ros.linear.periodic import Readings, updated
 from kalman_ros.simulation.trajectory import Trajectory
 
@@ -128,10 +128,9 @@ def _checks(run: Trajectory) -> list[Check]:
     cross = P[before, 8, 10] / np.sqrt(P[before, 8, 8] * P[before, 10, 10])
     checks.append(between('correlation of landmarks 2 and 3', '', 0.7, float(cross), 1.0))
     error = run.truth - run.estimate
-    low, high = chi_square_bounds(1.0, 2.0 / n, MISS)
     for name, k in (('before the loop', before), ('in the end', -1)):
         value = float(nees(error[k], P[k])) / n
-        checks.append(Check(f'NEES / {n} {name}', '', 1.0, value, low, high, low <= value <= high))
+        checks.append(Check.ratio(f'NEES / {n} {name}', value, 2.0 / n, MISS))
     return checks
 
 
