@@ -104,7 +104,7 @@ def motion(
     allowed = number('tolerance', tolerance)
     if not 0.0 <= allowed < inf:
         raise ValueError(f'tolerance: expected a finite number of at least 0, got {allowed:g}')
-    wanted: Callable[[], ReferenceMotion]
+    wanted: Callable[[], ReferenceMotion] | None = None
     if values is not None:
         what, given = 'values', _in_time(law.scenario, values, times, velocities)
         wanted = partial(reference_motions.in_time, law.scenario, *given)
@@ -117,9 +117,10 @@ def motion(
         what, points = 'path', _points(path)
         _refuse_unused(law.scenario, points)
         limits = _positive('speed', speed), _positive('acceleration', acceleration)
-        wanted = partial(along_path, law.scenario, points, *limits, rounding=allowed)
+        paced = partial(along_path, law.scenario, points, *limits, rounding=allowed)
     try:
-        return motions.motion_of(law.scenario, wanted(), law.limits, allowed)
+        reference = paced if wanted is None else wanted()
+        return motions.motion_of(law.scenario, reference, law.limits, allowed)
     except ValueError as error:
         raise ValueError(f'{what}: {error}') from None
 

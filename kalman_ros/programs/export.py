@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -102,7 +103,7 @@ def _motion(
     names = ('path_speed', 'path_acceleration', 'path_tolerance')
     speed, acceleration, tolerance = _of_controller(values, *names)
     points = np.hstack((corners, np.zeros((len(corners), 1))))
-    reference = along_path(built, points, speed, acceleration, rounding=tolerance)
+    reference = partial(along_path, built, points, speed, acceleration, rounding=tolerance)
     return motion_of(built, reference, limits, tolerance)
 
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
@@ -32,8 +32,9 @@ _SAME = 1e-6
 #: By how much an input that rests at its lower limit may be below it, relative to the largest of a
 #: motion: to brake to rest takes a little reverse, which is cut off where an actuator has none.
 _CUT = 0.1
-#: A state beyond its limit by less than this share of its extent is not worth a word.
-_SLIGHT = 0.02
+#: A state may be beyond its limit by this share of its size. Otherwise the motion is slowed down
+#: to this share of the limit, as long as an excess becomes this much less, to no less than this.
+_SLIGHT, _WITHIN, _SLOWER, _SLOWEST = 0.02, 0.95, 0.8, 0.05
 #: An input misses a rate by less than this, relative to its size.
 _MISSED = 1e-6
 #: By how much the search swerves from the straight way, in units of the states, where that fails.
@@ -42,7 +43,7 @@ _SWERVES = 0.0, 0.3, -0.3
 
 def motion_of(
     scenario: Scenario,
-    reference: ReferenceMotion,
+    reference: ReferenceMotion | Callable[..., ReferenceMotion],
     limits: Limits | None = None,
     tolerance: float | Sequence[float] = 0.05,
     interrupt: Callable[[], None] = lambda: None,
@@ -57,7 +58,8 @@ def motion_of(
     scenario
         The model, the law and its weights.
     reference
-        The wanted motion.
+        The wanted motion; or a function that returns it at a share ``pace`` of its speed, which
+        is then as large as the limits of the states permit.
     limits
         Limits of the inputs; none by default.
     tolerance
@@ -69,18 +71,28 @@ def motion_of(
     Raises
     ------
     ValueError
-        If no motion of the model is that near, or it needs an input beyond its limit; the message
-        names which, and the time.
+        If no motion of the model is that near, or it needs an input or a state beyond its limit;
+        the message names which, and the time.
     DesignError
         If there is no input, or no regulator along the motion.
     """
     model = scenario.model
     if not model.input.size:
         raise DesignError('model: it has no input, so there is nothing to move')
-    motion = _found(scenario, reference, _ACCURACY * float(np.min(tolerance)), interrupt)
-    _check_followed(scenario, motion, reference, tolerance)
-    _check_inputs(scenario, motion, limits)
-    return with_law(scenario, motion)
+    pace, least = 1.0, inf
+    while True:
+        wanted = reference(pace=pace) if callable(reference) else reference
+        motion = _found(scenario, wanted, _ACCURACY * float(np.min(tolerance)), interrupt)
+        _check_followed(scenario, motion, wanted, tolerance)
+        _check_inputs(scenario, motion, limits)
+        excess = _excess(scenario, motion)
+        if excess is None:
+            return with_law(scenario, motion)
+        over = 1.0 - excess.share
+        slower = excess.share > 0.0 and over <= _SLOWER * least and pace >= _SLOWEST
+        if not slower or not callable(reference):
+            raise ValueError(excess.sentence)
+        pace, least = pace * _WITHIN * excess.share, over
 
 
 def _found(
@@ -240,24 +252,33 @@ def _check_followed(
         )
 
 
-def beyond_state_limits(scenario: Scenario, motion: Motion) -> str:
-    """Return where a motion leaves the limits of the states, as a sentence; empty if it does not.
+@dataclass(frozen=True)
+class _Excess:
+    """Where a motion leaves a limit of a state, and the share of it that would stay within.
 
-    A law that keeps such limits then leaves the motion: it does not end the search for one.
+    The share is 0 if there is none.
     """
+
+    share: float
+    sentence: str
+
+
+def _excess(scenario: Scenario, motion: Motion) -> _Excess | None:
+    """Return where a motion leaves the limits of the states most, if it does."""
     space = scenario.model.state
     pairs = limits_of_states(scenario.law_options)
     low, high = bounds(space, {n.removeprefix(f'{STATE_LIMIT}.'): v for n, v in pairs.items()})
     excess = np.maximum(motion.states - high, low - motion.states)
-    step, index = np.unravel_index(int(np.argmax(excess)), excess.shape)
-    if not excess[step, index] > _SLIGHT * np.ptp(motion.states[:, index]):
-        return ''
+    relative = excess / np.maximum(np.abs(motion.states).max(axis=0), np.finfo(float).tiny)
+    step, index = np.unravel_index(int(np.argmax(relative)), relative.shape)
+    if not relative[step, index] > _SLIGHT:
+        return None
     name, value = space.names[index], motion.states[step, index]
     limit = high[index] if value > high[index] else low[index]
-    return (
-        f'{name} is {value:.3g} {space.units[index]} at {step * motion.dt:.3g} s of the motion, '
-        f'beyond its {STATE_LIMIT} of {limit:g}: there the robot falls behind to keep it; '
-        'a slower motion, or wider bends, need less'
+    return _Excess(
+        float(limit / value) if abs(value) > abs(limit) else 0.0,
+        f'{name} is {value:.3g} {space.units[index]} at {step * motion.dt:.3g} s, beyond its '
+        f'{STATE_LIMIT} of {limit:g}; a slower motion, or wider bends, may need less',
     )
 
 

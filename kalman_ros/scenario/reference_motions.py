@@ -57,6 +57,7 @@ def along_path(
     times: Array | None = None,
     rounding: float = 0.05,
     beginning: Beginning | None = None,
+    pace: float = 1.0,
 ) -> ReferenceMotion:
     """Return the reference of a path to rest: at most this fast, or at given times.
 
@@ -78,12 +79,15 @@ def along_path(
     beginning
         Where the motion begins; by default at rest at the first point, headed along the path.
         What lies behind it on the path is left out. It stops first where the path leads back.
+    pace
+        Share of the speed; that of the acceleration is its square, so that bends are the same.
 
     Raises
     ------
     ValueError
         If the state has no position, or the points are not a path.
     """
+    speed, acceleration = pace * speed, pace**2 * acceleration
     body = body_of(scenario.model.state, scenario.state)
     axes = body.position
     if not axes:

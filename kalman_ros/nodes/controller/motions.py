@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,23 +41,21 @@ class _Wanted(NamedTuple):
     """The motion that a message asks for.
 
     ``coordinates`` are the indices of those that it gives. ``reference`` returns the reference
-    from a beginning on, which is None before the first estimate.
+    from a beginning on, which is None before the first estimate; if it is ``paced``, at a share
+    ``pace`` of its speed.
     """
 
     topic: str
     coordinates: list[int]
-    reference: Callable[[Beginning | None], ReferenceMotion]
+    reference: Callable[..., ReferenceMotion]
+    paced: bool = False
 
 
 class Planned(NamedTuple):
-    """A motion, and the time at which it begins in the one that is followed; None: at once.
-
-    ``beyond`` says where it leaves the limits of the states, if it does.
-    """
+    """A motion, and the time at which it begins in the one that is followed; None: at once."""
 
     motion: Motion
     since: float | None
-    beyond: str = ''
 
 
 class MotionReader:
@@ -179,8 +178,6 @@ class MotionReader:
         else:
             self._planned, self._planned_for, self._waited = result, wanted, not acts
             self.planned += wanted is not None
-            if wanted is not None and result.beyond:
-                self._warn(f'{wanted.topic}: {result.beyond}')
             self._node.diagnostics.soon()
 
     def _refuse(self, topic: str, reason: Exception) -> None:
@@ -209,10 +206,10 @@ class MotionReader:
         beginning, kept, since = self._beginning(wanted.coordinates)
 
         def job(interrupt: Callable[[], None]) -> Planned:
-            reference = wanted.reference(beginning)
+            paced = partial(wanted.reference, beginning)
+            reference = paced if wanted.paced else paced()
             motion = motions.motion_of(scenario, reference, limits, tolerance, interrupt)
-            beyond = motions.beyond_state_limits(scenario, motion)
-            return Planned(motion if kept is None else kept.then(motion), since, beyond)
+            return Planned(motion if kept is None else kept.then(motion), since)
 
         return job
 
@@ -266,7 +263,7 @@ class MotionReader:
         body = body_of(self._scenario.model.state, self._scenario.state)
         coordinates = [body.index[axis] for axis in body.position]
 
-        def reference(beginning: Beginning | None) -> ReferenceMotion:
+        def reference(beginning: Beginning | None, pace: float = 1.0) -> ReferenceMotion:
             scenario, options = self._scenario, self._options  # those of the planning
             if beginning is not None and times is not None and len(points):
                 first = points[0, ['xyz'.index(axis) for axis in body.position]]
@@ -280,9 +277,10 @@ class MotionReader:
                 times,
                 options.path_tolerance,
                 beginning,
+                pace,
             )
 
-        return _Wanted(topic, coordinates, reference)
+        return _Wanted(topic, coordinates, reference, paced=times is None)
 
     def _trajectory(self, topic: str, message: Any) -> _Wanted:
         """Return what a ``trajectory_msgs/JointTrajectory`` asks for."""
