@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Container, Iterable
 
+from kalman_ros.core import refuse_unknown
 from kalman_ros.estimators import FILTERS, filter_options
 
 #: Parameters that a filter of robot_localization has, and a node of this package has not.
@@ -52,6 +53,8 @@ NAMES = {
 }
 #: How names of limits of states begin, before that of the state.
 STATE_LIMIT = 'state_limit.'
+#: Options of sensors of every kind.
+_OF_SENSOR = {'type', 'fields', 'topic', 'noise', 'rate', 'measures', 'kind'}
 #: Names of the faults of each sensor, in the plant: `SENSOR.NAME`.
 FAULTS = (
     'bias burst_length burst_loss delay drift dropout duplication fault_window freeze jitter nan '
@@ -78,7 +81,14 @@ def known(
     return accepted
 
 
-def refuse_foreign(parameters: Iterable[str]) -> None:
+def refuse(parameters: Collection[str], known: Collection[str], sensors: Collection[str]) -> None:
+    """Raise ValueError for the first of the ``parameters`` that is not ``known``, with a hint."""
+    _refuse_foreign(parameters)
+    _refuse_unlisted(parameters, known, sensors)
+    refuse_unknown(parameters, known, 'parameter')
+
+
+def _refuse_foreign(parameters: Iterable[str]) -> None:
     """Raise ValueError for parameters that are those of robot_localization."""
     theirs = next(filter(_THEIRS.fullmatch, parameters), '')
     if theirs:
@@ -88,7 +98,7 @@ def refuse_foreign(parameters: Iterable[str]) -> None:
         )
 
 
-def refuse_unlisted(
+def _refuse_unlisted(
     parameters: Iterable[str], known: Container[str], sensors: Collection[str]
 ) -> None:
     """Raise ValueError for a section of a sensor that is not among the ``sensors``.
@@ -98,11 +108,11 @@ def refuse_unlisted(
     seen: set[str] = set()
     for name in parameters:
         sensor, _, option = name.partition('.')
-        alike = any(f'{other}.{option}' in known for other in sensors)
+        alike = option in _OF_SENSOR or any(f'{other}.{option}' in known for other in sensors)
         if name in known or not alike or sensor in (*sensors, 'state', 'input'):
             continue
         if sensor in seen:
-            listed = ', '.join(sensors)
+            listed = ', '.join(sensors) or 'none'
             expected = f"expected '{sensor}', which has parameters such as {name}, among them"
             raise ValueError(f'sensors: {expected}, got {listed}')
         seen.add(sensor)

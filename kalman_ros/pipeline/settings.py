@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from kalman_ros import scenario
-from kalman_ros.core import Array, Option, Value, options_of, refuse_unknown
+from kalman_ros.core import Array, Option, Value, options_of
 from kalman_ros.core.geodesy import Origin
 from kalman_ros.estimators import filter_options
 from kalman_ros.estimators.online import OnlineEstimator
@@ -77,9 +77,7 @@ def choose(
     names.check_kinds(shared, sensors)
     driven = 'input.topic' in shared
     everything = {*known, *names.known(sensors, parameters, known, driven=driven)}
-    names.refuse_foreign(parameters)
-    names.refuse_unlisted(parameters, everything, sensors)
-    refuse_unknown(parameters, everything, 'parameter')
+    names.refuse(parameters, everything, sensors)
     values = scenario.complete(parameters, known)
     return Chosen(values, known, tuple(shared), tuple(node_options), tuple(more))
 

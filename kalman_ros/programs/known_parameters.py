@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from kalman_ros import scenario
-from kalman_ros.core import refuse_unknown
 from kalman_ros.pipeline import names
 
 
@@ -18,4 +17,4 @@ def refuse_unknown_parameters(values: Mapping[str, Any]) -> None:
     sensors = scenario.sensor_names(listed.check(values.get('sensors', listed.default)))
     driven = 'input.topic' in known
     accepted = {*known, *names.known(sensors, values, known, driven=driven)}
-    refuse_unknown(values, accepted, 'parameter')
+    names.refuse(values, accepted, sensors)

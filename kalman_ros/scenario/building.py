@@ -98,11 +98,13 @@ def assemble(full: Mapping[str, Any], *, with_law: bool = True) -> Scenario:
     check_model(model, mean)
     for name, source in sources.items():
         check_sensor(name, source.sensor, mean)
+    input = _input(parts.get('input', {}), m, model.input_scale) if m else system.input
+    _check_topics(sources, {'state': state, **({'input': input} if m else {})})
     return Scenario(
         model=model,
         sensors=sources,
         state=state,
-        input=_input(parts.get('input', {}), m, model.input_scale) if m else system.input,
+        input=input,
         rate=rate,
         initial_state=vector('initial_state', full['initial_state'], n),
         initial_belief=Gaussian(
@@ -114,6 +116,19 @@ def assemble(full: Mapping[str, Any], *, with_law: bool = True) -> Scenario:
         datum=origin,
         **(_law(full, n, m) if with_law and m else _no_law(n, m)),
     )
+
+
+def _check_topics(sources: Mapping[str, SensorSource], others: Mapping[str, Signal]) -> None:
+    """Raise ValueError if the messages of one topic are to have two types."""
+    signals = {name: source.signal for name, source in sources.items() if source.timed.enabled}
+    first: dict[str, tuple[str, str]] = {}
+    for name, signal in {**others, **signals}.items():
+        type = signal.type.replace('/msg/', '/')
+        other, known = first.setdefault(signal.topic, (name, type))
+        if type != known:
+            raise ValueError(
+                f"{name}.type: expected {known} on '{signal.topic}', as of {other}, got {type}"
+            )
 
 
 def rebuild(built: Scenario, full: Mapping[str, Any], changed: Iterable[str]) -> Scenario:

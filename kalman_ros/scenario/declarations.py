@@ -92,6 +92,10 @@ def _either(names: Iterable[str]) -> str:
     return f'{", ".join(others)} or {last}'
 
 
+#: Sections of a parameter file that are no sensors.
+_SECTIONS = 'state', 'input', 'model_parameters', 'state_limit'
+
+
 def sensor_names(value: Value) -> list[str]:
     """Return the names in a list of sensors, which must be unique."""
     names = [str(name) for name in value if name] if isinstance(value, list) else []
@@ -100,6 +104,8 @@ def sensor_names(value: Value) -> list[str]:
     for name in names:
         if '.' in name:  # which separates the name of a sensor from that of its option
             raise ValueError(f"sensors: expected names without a dot, got '{name}'")
+        if name in _SECTIONS:
+            raise ValueError(f"sensors: '{name}' is the name of another section, choose another")
     return names
 
 

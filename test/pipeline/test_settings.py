@@ -72,3 +72,32 @@ def test_what_no_filter_can_compute_with_is_named(values, blamed):
     chosen = settings({'model': 'mass_spring_damper', **values})
     with pytest.raises(ValueError, match=blamed):
         chosen.estimator()
+
+
+@pytest.mark.parametrize(
+    ('changes', 'says'),
+    [
+        ({'sensors': [], 'gnss.topic': 'fix'}, "sensors: expected 'gnss', which has parameters"),
+        ({'sensors': ['position', 'state']}, "sensors: 'state' is the name of another section"),
+        (
+            {'velocity.topic': 'position', 'velocity.type': 'geometry_msgs/msg/PoseStamped',
+             'velocity.fields': ['pose.position.x', 'pose.position.y']},
+            "velocity.type: expected geometry_msgs/PoseWithCovarianceStamped on 'position', as of "
+            'position, got geometry_msgs/PoseStamped',
+        ),
+        (
+            {'input.topic': 'position'},
+            "position.type: expected geometry_msgs/WrenchStamped on 'position', as of input, got",
+        ),
+    ],
+)  # fmt: skip
+def test_sensors_that_cannot_be_are_named(changes, says):
+    if changes.get('sensors') == []:
+        changes = {**changes, 'gnss.noise': [1.0]}
+    with pytest.raises(ValueError, match=says):
+        settings(changes)
+
+
+def test_a_sensor_that_is_off_has_any_type():
+    off = {'velocity.topic': 'position', 'velocity.enabled': False}
+    assert settings(off).scenario.enabled.keys() == {'position'}
