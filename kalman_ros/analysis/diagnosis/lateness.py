@@ -16,6 +16,7 @@ from kalman_ros.estimators.outcome import Outcome
 from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Finding
+from .passage import Passage, passage
 from .responses import Fit
 from .stamps import latency, picture, slope
 
@@ -24,6 +25,10 @@ _HARMLESS = 0.02
 #: Stamps are wrong by more than the first time (s), and by less than the second or a share of the
 #: recording.
 _EARLIEST, _LATEST, _SHARE = 0.002, 1.0, 0.1
+#: Fewest readings of which the times are tried, the least time, and what it has to explain.
+_FEWEST, _STEP, _PROMISING = 20, (0.01, 0.05), 10.0
+#: How often the interval of a time is halved, and of how many readings.
+_HALVINGS, _PART = 4, 3000
 
 
 def find(case: Examination) -> list[Finding]:
@@ -86,7 +91,67 @@ def hidden(case: Examination) -> list[Finding]:
             if abs(rate) > 1e-3:
                 continue
             findings.append(_shifted(case.evidence, name, 0.0, fit))
-    return findings
+    return [*findings, *_by_passes(case)]
+
+
+def _by_passes(case: Examination) -> Iterator[Finding]:
+    """Yield the sensors that fit another time better, by passes of the filter.
+
+    They are those of which the regression knows nothing, since the model has no rate of the state
+    that they read: it walks at random.
+    """
+    for name in case.judged:
+        columns, count = case.responses.columns('stamp', name), len(case.passage.of(name))
+        least = min(max(case.evidence.duration / max(count, 1), _STEP[0]), _STEP[1])
+        if not columns or count < _FEWEST:
+            continue
+        if not 0.0 < case.responses.alone(columns[0]).std[0] <= least:
+            search = _Search(case, name)
+            tau = max((-least, least), key=search.gain)
+            if search.gain(tau) > _PROMISING:
+                yield search.from_time(tau)
+
+
+class _Search:
+    """The search of the time by which stamps of a sensor are wrong, in a part that shows it."""
+
+    def __init__(self, case: Examination, name: str) -> None:
+        self._evidence, self._name = case.evidence, name
+        events = case.passage.events
+        count = min(len(events), _PART)
+        self._until, self._share = events[count - 1].time, count / len(events)
+        self._before = Passage(events[:count], case.passage.whitened[:count]).terms
+        self._gains: dict[float, float] = {}
+
+    def gain(self, tau: float) -> float:
+        """Return how much a time explains of the whole, by the part."""
+        if tau not in self._gains:
+            try:
+                shifted = _shift_stamps(self._evidence, self._name, tau)
+                after = passage(shifted, self._until).terms
+            except np.linalg.LinAlgError:
+                self._gains[tau] = -inf
+            else:
+                pairs = ((before, after[k]) for k, before in self._before.items() if k in after)
+                found = (a[0] + a[1] - b[0] - b[1] for a, b in pairs)
+                self._gains[tau] = sum(found) / self._share
+        return self._gains[tau]
+
+    def from_time(self, tau: float) -> Finding:
+        """Return the finding of the time that explains most, from one of the same sign on."""
+        longest = _SHARE * self._evidence.duration
+        while abs(2.0 * tau) < longest and self.gain(2.0 * tau) > self.gain(tau):
+            tau *= 2.0
+        low, high = sorted((0.5 * tau, 2.0 * tau))
+        for _ in range(_HALVINGS):
+            near = [0.5 * (low + tau), tau, 0.5 * (tau + high)]
+            best = int(np.argmax([self.gain(each) for each in near]))
+            low, tau, high = [low, *near, high][best : best + 3]
+        gains = [self.gain(each) - self.gain(tau) for each in (low, tau, high)]
+        curvature = -np.polyfit(np.array([low, tau, high]) - tau, gains, 2)[0]
+        variance = 1.0 / max(float(curvature), 1.0 / tau**2)
+        fit = Fit(np.array([tau]), np.array([[variance]]), self.gain(tau))
+        return _shifted(self._evidence, self._name, 0.0, fit)
 
 
 def _shifted(evidence: Evidence, name: str, before: float, fit: Fit) -> Finding:
