@@ -27,3 +27,20 @@ def test_a_parameter_is_at_a_bound_where_it_is_and_not_before(value, reason, pos
     found = determination([parameter], np.array([[1e4]]), z)
     assert found.reasons == (reason,)
     assert np.isnan(found.std[0]) == bool(reason)
+
+
+@pytest.mark.parametrize(
+    ('bounds', 'std', 'reason'),
+    [
+        ((-1.0, 1.0), 0.0064, ''),  # of a delay by ten milliseconds, of which a second is open
+        ((-1.0, 1.0), 0.049, ''),
+        ((-1.0, 1.0), 0.053, 'these data hardly depend on it'),
+        ((-np.inf, np.inf), 0.0064, 'these data hardly depend on it'),
+        ((-np.inf, np.inf), 0.0059, ''),
+        ((-0.02, 0.02), 0.0059, ''),
+    ],
+)
+def test_an_interval_that_leaves_little_of_the_bounds_determines_a_parameter(bounds, std, reason):
+    delay = FreeParameter('imu.delay', 0.0, *bounds, scale=0.002)
+    found = determination([delay], np.array([[(0.002 / std) ** 2]]), np.zeros(1))
+    assert found.reasons == (reason,)

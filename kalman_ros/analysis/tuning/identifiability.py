@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import log
+from math import isfinite, log
 from typing import Any
 
 import numpy as np
@@ -20,8 +20,8 @@ _NULL = 1e-6
 #: A parameter with a larger share in these directions is not determined.
 _LOADING = 1e-4
 #: The widest 95 % interval of a determined parameter: a factor of 10 on a logarithmic scale, and
-#: otherwise in units of the scale.
-_WIDEST, _WIDEST_SCALED = log(10.0), 6.0
+#: otherwise in units of the scale, or as a share of the range between its bounds.
+_WIDEST, _WIDEST_SCALED, _NARROWS = log(10.0), 6.0, 0.05
 #: The data do not depend on a parameter whose deviation is this multiple of such an interval.
 _ABSENT = 50.0
 #: A deviation is due to other parameters if it is this multiple of the one with those known.
@@ -75,7 +75,7 @@ def determination(
     p = len(parameters)
     alone = np.sqrt(np.maximum(information.diagonal(), 0.0))
     power = np.zeros(p) if power is None else power
-    widest = np.array([_WIDEST if free.positive else _WIDEST_SCALED for free in parameters])
+    widest = np.array([_widest(free) for free in parameters])
     seen = alone * widest * _ABSENT > 1.0
     reasons = ['' if flag else 'these data do not depend on it' for flag in seen]
     d = np.where(seen, alone, 1.0)
@@ -98,6 +98,14 @@ def determination(
     correlation = covariance / np.outer(std, std)
     rank = int(np.sum(~null)) - int(np.sum(~seen))
     return Determination(std, correlation, tuple(reasons), rank, seen)
+
+
+def _widest(free: FreeParameter) -> float:
+    """Return half the widest interval of a parameter that counts as determined."""
+    if free.positive:
+        return _WIDEST
+    bounds = _NARROWS * (free.high - free.low) / free.scale
+    return max(_WIDEST_SCALED, bounds) if isfinite(bounds) else _WIDEST_SCALED
 
 
 def _tied_parameters(parameters: Sequence[FreeParameter], null: Array, index: int) -> str:
