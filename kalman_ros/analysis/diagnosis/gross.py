@@ -26,6 +26,9 @@ _SECONDS, _SOONER = 8.0, 2.0
 #: A filter that gets lost after more events than these is compared on the first seconds alone,
 #: and is not lost before the second number of values.
 _MOST_EVENTS, _FEW = 4000, 50
+#: Signs are tried where the squared innovations exceed their expectation by this factor, on as
+#: many events.
+_SUSPECT, _PART = 1.2, 3000
 #: Rotations are estimated on the first seconds; no smaller rotation (rad) causes a lost filter.
 _ROTATION_SECONDS, _SMALLEST_ROTATION = 20.0, 0.2
 #: Two sizes are alike if the logarithm of their ratio is below this.
@@ -38,15 +41,21 @@ def find(case: Examination) -> list[Finding]:
     """Return the units, signs, exchanges and rotations of axes that recover a lost filter.
 
     Each candidate is evaluated by a filter pass over the first seconds. For a linear system the
-    regressions give the same result at once.
+    regressions give the same result at once. A filter that trusts its other sensors is not lost by
+    a wrong sign, but follows it now and then, so that no linearisation shows it: signs and
+    exchanges are tried there, too.
     """
-    if not lost(case):
+    if case.evidence.scenario.plan.linear or not _is_suspect(case):
         return []
     begin = case.passage.events[0].time
     first_span, span = (_Span(case, until) for until in (begin + _SOONER, _onset(case) + _SECONDS))
+    candidates, most = _candidates(case), 2
+    if not lost(case):
+        span = _Span(case, case.passage.events[:_PART][-1].time)
+        candidates, most = _signs(case), 4
     ratio = len(case.passage.events) / len(span)
     findings = []
-    for finding in _candidates(case):
+    for finding in candidates:
         try:
             if first_span.gain(finding) < -CHANCE:
                 continue
@@ -55,7 +64,23 @@ def find(case: Examination) -> list[Finding]:
             continue
         if gain > CHANCE:
             findings.append(replace(finding, gain=gain, z=gain**0.5))
-    return sorted(findings, key=lambda finding: -finding.gain)[:2]
+    return sorted(findings, key=lambda finding: -finding.gain)[:most]
+
+
+def _is_suspect(case: Examination) -> bool:
+    """Return whether the errors of the filter are larger than small causes make them."""
+    squares = [e @ e / len(e) for e in case.passage.whitened]
+    return bool(np.mean(squares) >= _SUSPECT)
+
+
+def _signs(case: Examination) -> Iterator[Finding]:
+    """Yield each coordinate with the other sign, and the exchange of two."""
+    for name in case.judged:
+        space = case.evidence.scenario.sensors[name].sensor.output
+        for index in range(space.size):
+            yield scaled(case, name, (index,), -1.0, 0.0, 0.0)
+        if space.size == 2 and space.units[0] == space.units[1]:
+            yield axes_exchanged(case, name, (1, 0), 0.0)
 
 
 def _onset(case: Examination) -> float:
