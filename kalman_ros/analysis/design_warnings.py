@@ -9,6 +9,7 @@ from math import degrees
 from kalman_ros.control.laws import OPTIMAL
 from kalman_ros.control.margins import Margins
 from kalman_ros.control.stability import Mode
+from kalman_ros.scenario.estimation import placed_poles
 
 from .design_report import DesignReport, Regulator
 from .input_loops import InputLoops, Loop
@@ -16,6 +17,8 @@ from .jacobians import wrong_jacobians
 
 #: A disk margin below this value is small: less than 4.4 dB of gain and 28 degrees of phase.
 SMALL_DISK = 0.5
+#: A pole is where it was placed within this share of its size.
+_PLACED = 0.2
 #: A time constant counts as longer than another if it exceeds it by this factor.
 _SLOWER = 1.001
 
@@ -46,6 +49,7 @@ def _notes(report: DesignReport) -> Iterator[str]:
             f'Limits are predicted {seconds:.3g} s ahead. Margins and the least cost hold where '
             'no limit acts.'
         )
+    yield from _placed(report)
     if plan.period > 1 and report.estimator:
         yield (
             f'The sensors repeat every {plan.period} steps: estimator gains and standard '
@@ -58,6 +62,24 @@ def _notes(report: DesignReport) -> Iterator[str]:
             )
     if report.delay:
         yield f'The input is {report.delay:g} s late; margins are in addition to that delay.'
+
+
+def _placed(report: DesignReport) -> Iterator[str]:
+    """Yield the poles that an observer was asked for, where the rates of sensors change them."""
+    if report.estimator is None:
+        return
+    asked = [s for s in placed_poles(report.scenario) if s.imag >= 0.0]
+    found = [mode.pole for mode in report.estimator.modes]
+    if any(min(abs(s - each) for each in found) > _PLACED * abs(s) for s in asked):
+        wanted = ', '.join(_pole(s) for s in sorted(asked, key=abs))
+        yield (
+            f'The observer is asked for poles at {wanted} 1/s, by a gain in continuous time. With '
+            'sensors at these rates its poles are those of the table.'
+        )
+
+
+def _pole(s: complex) -> str:
+    return f'{s.real:.3g} ± {s.imag:.3g}j' if s.imag else f'{s.real:.3g}'
 
 
 def _path_notes(report: DesignReport) -> Iterator[str]:

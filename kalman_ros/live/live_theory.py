@@ -17,11 +17,10 @@ from kalman_ros.control.feedback import Feedback
 from kalman_ros.control.margins import Margin
 from kalman_ros.control.separation import LqgLoop
 from kalman_ros.core import Array, DesignError, OperatingPoint, linearize
-from kalman_ros.estimators import filter_class
 from kalman_ros.linear.periodic import Phase, periodic_filter
 from kalman_ros.linear.structure import continuous_poles, eigenvalues
 from kalman_ros.scenario import Scenario
-from kalman_ros.scenario.estimation import fixed_gain_observer
+from kalman_ros.scenario.estimation import fixed_gain_observer, placed_poles
 from kalman_ros.scenario.regulator import feedback, price, regulator
 
 #: Number of frequencies of a response.
@@ -110,7 +109,7 @@ def _estimator_theory(believed: Scenario) -> dict[str, Any]:
     if fixed is not None:
         results['gains'] = {name: _round(L.ravel()) for name, L in fixed.gains.items()}
     gains = periodic_filter([Phase(step.F, step.Q, readings) for readings in phases]).gains
-    placed = filter_class(believed.filter).placed_poles(n, **believed.filter_options)
+    placed = placed_poles(believed)
     if placed:
         results['placed'] = _pole_pairs(placed)
     transition = np.eye(n)

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from kalman_ros.compiled.parts import COMPILED, NUMPY, parts
 from kalman_ros.core import Array, Gaussian, Sensor, Value
-from kalman_ros.estimators import NATIVE, build_filter, filter_class
+from kalman_ros.estimators import NATIVE, build_filter, filter_class, filter_options
 from kalman_ros.estimators.consistency import chi_square_gate
 from kalman_ros.estimators.diffuse import check_start
 from kalman_ros.estimators.filter import Filter
@@ -114,6 +115,13 @@ def fixed_gain_observer(scenario: Scenario) -> FixedGainObserver | None:
     built = build_filter(scenario.filter, scenario.plan, scenario.filter_options)
     assert isinstance(built, FixedGainObserver)
     return built
+
+
+def placed_poles(scenario: Scenario) -> list[complex]:
+    """Return the poles in 1/s that the gain of the filter is designed for; empty for others."""
+    options = {option.name: option.default for option in filter_options(scenario.filter)}
+    chosen: dict[str, Any] = {**options, **scenario.filter_options}
+    return filter_class(scenario.filter).placed_poles(scenario.model.state.size, **chosen)
 
 
 def by_innovation(scenario: Scenario, policy: Policy) -> Policy:

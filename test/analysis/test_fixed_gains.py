@@ -9,6 +9,7 @@ from kalman_ros import scenario
 from kalman_ros.analysis.checks import theory
 from kalman_ros.analysis.design_report import DesignReport
 from kalman_ros.analysis.design_theory import report
+from kalman_ros.analysis.design_warnings import notes
 from kalman_ros.analysis.nis_spread import nis_variances
 from kalman_ros.analysis.verdict import judge
 from kalman_ros.estimators.fixed_gain import FixedGainObserver
@@ -140,3 +141,21 @@ def test_a_design_has_the_gains_poles_and_margins_of_its_observer():
         assert np.abs(poles - pole).min() < 1e-7
     assert slow.estimated.margins != best.estimated.margins
     assert designs['luenberger'].closed_loop.cost > designs['kf'].closed_loop.cost
+
+
+@pytest.mark.parametrize(
+    ('poles', 'rates', 'asked'),
+    [
+        ([-3.0], (20.0, 100.0), ''),  # near enough
+        ([-9.0, -9.5, -12.0, -13.0], (20.0, 20.0), 'poles at -9, -9.5, -12, -13 1/s'),
+    ],
+)
+def test_a_design_says_which_poles_were_asked_for_where_rates_change_them(poles, rates, asked):
+    built = scenario.build({
+        'filter': 'luenberger', 'observer_poles': poles,
+        'position.rate': rates[0], 'velocity.rate': rates[1],
+    })  # fmt: skip
+    said = [note for note in notes(report(built)) if 'observer' in note]
+    assert len(said) == bool(asked)
+    assert all(asked in note for note in said)
+    assert not [note for note in notes(report(scenario.build({}))) if 'observer' in note]
