@@ -197,7 +197,10 @@ def replay_bag(
     beliefs = feed.beliefs.result()
     if feed.start is None or not count or (feed.lockstep and not len(beliefs.time)):
         names = ', '.join(feed.topics)
-        raise ValueError(f'nothing could be replayed from {bag.path}: {count} messages on {names}')
+        raise ValueError(
+            f'nothing could be replayed from {bag.path}: {count} messages on {names}'
+            f'{_out_of_step(feed)}'
+        )
     believed = feed.settings.scenario.believed
     return Replayed(
         scenario=feed.settings.scenario,
@@ -229,6 +232,16 @@ def _truth_reader(settings: Settings, bag: Bag, topic: str) -> _TruthReader | Po
     if has_poses(bag, topic) and bag.topics[topic] != {state}:
         return PoseReader(bag, topic, 'truth')
     return _TruthReader(settings, bag, topic)
+
+
+def _out_of_step(feed: Feed) -> str:
+    """Return which offsets of stamps keep a recording in lockstep from its steps, if any do."""
+    sources = feed.settings.scenario.enabled.items() if feed.lockstep else ()
+    moved = [f'{name}.stamp_offset' for name, source in sources if source.signal.stamp_offset]
+    if not moved:
+        return ''
+    options = ' and '.join(moved)
+    return f'; it is in lockstep, where {options} can only be whole periods of the sensor'
 
 
 def _limits(bag: Bag, start: float, end: float) -> tuple[float, float]:

@@ -5,6 +5,7 @@ import hashlib
 import json
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from kalman_ros.bags import columns
 from kalman_ros.bags.columns import Rows
 from kalman_ros.bags.reading import Bag
 from kalman_ros.bags.recording_writer import RecordingWriter
-from kalman_ros.bags.replay import estimator_settings, replay, replay_bag
+from kalman_ros.bags.replay import _out_of_step, estimator_settings, replay, replay_bag
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.tick import write_tick
 from kalman_ros.programs.replay import program, statistics, tables
@@ -92,10 +93,10 @@ def test_it_is_the_online_estimator_fed_in_the_order_of_reception(tmp_path):
     assert np.isfinite(y.innovation[y.outcome == 'FUSED']).all()
 
 
-def test_inputs_in_lockstep_act_from_the_time_of_the_step_that_they_answer(tmp_path):
-    """The time of simulation, and not that of reception, is that of an input without a stamp."""
+def in_lockstep(path):
+    """Write a recording in lockstep, and return where it is."""
     scenario = estimator_settings(VALUES).scenario
-    with RecordingWriter(tmp_path / 'a') as writer:
+    with RecordingWriter(path) as writer:
         writer.add('/y', 'sensor_msgs/msg/JointState')
         writer.add('/input', 'std_msgs/msg/Float64MultiArray')
         writer.add('/tick', 'sensor_msgs/msg/TimeReference')
@@ -107,11 +108,27 @@ def test_inputs_in_lockstep_act_from_the_time_of_the_step_that_they_answer(tmp_p
             writer.write(
                 '/input', received + 2, wire(scenario.input, time, np.array([2.0 * step]))
             )
-    found = replay(tmp_path / 'a', VALUES)
+    return path
+
+
+def test_inputs_in_lockstep_act_from_the_time_of_the_step_that_they_answer(tmp_path):
+    """The time of simulation, and not that of reception, is that of an input without a stamp."""
+    found = replay(in_lockstep(tmp_path / 'a'), VALUES)
     assert found.lockstep
     # the last one answers a step without a successor
     np.testing.assert_allclose(found.inputs.stamp, [0.0, 0.01, 0.02, 0.03], atol=1e-12)
     np.testing.assert_allclose(found.inputs.value[:, 0], [0.0, 2.0, 4.0, 6.0])
+
+
+@pytest.mark.parametrize(
+    ('lockstep', 'offset', 'named'),
+    [(True, 0.013, True), (True, 0.0, False), (False, 0.013, False)],
+)
+def test_offsets_that_leave_the_steps_of_lockstep_are_named(lockstep, offset, named):
+    found = estimator_settings({**VALUES, 'y.stamp_offset': offset})
+    said = _out_of_step(SimpleNamespace(lockstep=lockstep, settings=found))
+    assert ('where y.stamp_offset can only be whole periods' in said) is named
+    assert bool(said) is named
 
 
 def test_a_topic_of_ticks_without_a_tick_is_not_lockstep(tmp_path):
