@@ -81,10 +81,10 @@ def report(
             'there are kr.dlqr, kr.dlqe, kr.margins and kr.simulate'
         )
     model, linear = scenario.model, scenario.plan.linear
-    point = model.equilibrium
-    if not model.input.size:
+    point, held = model.equilibrium, bool(model.input.size) and not steered(scenario)
+    if not held:
         point = OperatingPoint(scenario.initial_belief.mean, point.input)
-    reach = _check_controllability(scenario) if model.input.size else None
+    reach = _check_controllability(scenario) if held else None
     law = None if reach is None else feedback(scenario)
     path = None
     if not linear:
@@ -150,12 +150,6 @@ def _check_controllability(scenario: Scenario) -> Controllability:
     system = linearize(model, *model.equilibrium)
     result = controllability(system.A, system.B, model.state.names)
     if not result.stabilizable:
-        if steered(scenario):
-            raise DesignError(
-                f'input: at rest it does not move {", ".join(result.unreached)}: such a model is '
-                'regulated along motions, and has no design about one point; a demo with a path '
-                'shows it, and kr.motion'
-            )
         unstable = dict.fromkeys(str(mode) for mode in result.hidden if mode.pole.real >= -1e-12)
         raise DesignError(f'input: it does not move the modes at {", ".join(unstable)}; {result}')
     return result

@@ -10,6 +10,7 @@ from kalman_ros.control.laws import OPTIMAL
 from kalman_ros.control.margins import Margins
 from kalman_ros.control.stability import Mode
 from kalman_ros.scenario.estimation import placed_poles
+from kalman_ros.scenario.regulator import steered
 
 from .design_report import DesignReport, Regulator
 from .input_loops import InputLoops, Loop
@@ -42,6 +43,12 @@ def _notes(report: DesignReport) -> Iterator[str]:
             f'from {where}.'
         )
         yield from _path_notes(report)
+    if report.regulator is None and steered(report.scenario):
+        yield (
+            'At rest the input does not move every state: such a model is regulated along '
+            'motions, of which a demo with a path shows one, and kr.motion. The path here is '
+            'without commands.'
+        )
     prediction = report.regulator and report.regulator.feedback.prediction
     if prediction:
         seconds = prediction.steps * prediction.dt
