@@ -28,8 +28,7 @@ def find(case: Examination) -> list[Finding]:
 
 def _fit(case: Examination, name: str, index: int) -> Fit | None:
     """Return the fit of an offset in the direction of the motion; None if nothing turns round."""
-    columns = case.responses.columns('play', name, str(index))
-    return case.responses.alone(columns[0]) if columns else None
+    return case.responses.first('play', name, str(index))
 
 
 def _lagging(case: Examination, name: str, index: int, size: float, fit: Fit) -> Finding:
@@ -40,7 +39,7 @@ def _lagging(case: Examination, name: str, index: int, size: float, fit: Fit) ->
     )
 
     def mended() -> Evidence:
-        rows = [case.passage.events[at].index for at in case.passage.of(name)]
+        rows = [event.index for event in case.passage.events_of(name)]
         value = case.evidence.sensors[name].value.copy()
         value[rows, index] -= size * directions(case.evidence, case.passage, name)[:, index]
         return case.evidence.with_values(name, value)

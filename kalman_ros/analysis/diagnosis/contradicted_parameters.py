@@ -78,8 +78,7 @@ def _stepped(
     factor = before * fitted if found.row else 1.0
 
     def again(after: Examination) -> Finding | None:
-        column = after.responses.columns('parameter', name)
-        more = after.responses.alone(column[0]) if column else None
+        more = after.responses.first('parameter', name)
         if more is None or not more.remains:
             return None
         return _changed(after, parameter(after.evidence, name), more, configured, factor)

@@ -36,7 +36,7 @@ def _rests(case: Examination, name: str, record: SensorRecord, rows: Array) -> b
     """Return whether the frozen value is that of a body at rest, and the filter agrees."""
     if record.value[rows].any():
         return False
-    at = [case.passage.events[i].index for i in case.passage.of(name)]
+    at = [event.index for event in case.passage.events_of(name)]
     e = case.passage.whitened_of(name)[np.isin(at, rows)]
     return e.size > 0 and float(np.mean(np.square(e))) < _AGREES
 

@@ -28,7 +28,7 @@ def find(case: Examination) -> list[Finding]:
         if count <= 3.0 * expected + 3.0 or bdtrc(count, len(record), 1.0 - gate) > 1e-7:
             continue
         squares = case.passage.squares(name)
-        at = [case.passage.events[i].index for i in case.passage.of(name)]
+        at = [event.index for event in case.passage.events_of(name)]
         far = squares[rejected[at]]
         if not len(far) or np.median(far) > _GOOD * np.median(squares):
             continue

@@ -71,7 +71,7 @@ def offset_columns(passage: Passage, name: str, limits: Array) -> Array:
 
     Each coordinate has a column for each piece between the ``limits`` (B + 1,), in this order.
     """
-    events, B = [passage.events[i] for i in passage.of(name)], len(limits) - 1
+    events, B = passage.events_of(name), len(limits) - 1
     pieces = np.searchsorted(limits, [event.time for event in events], 'right') - 1
     coordinates = np.arange(len(events[0].innovation))
     return np.asarray(B * coordinates + np.clip(pieces, 0, B - 1)[:, None])
@@ -92,7 +92,7 @@ def _sensor_columns(
 ) -> tuple[Array, list[tuple[str, ...]]]:
     """Return the columns of a sensor: mixed coordinates, early stamps, lever arm, mounting."""
     model, source = evidence.scenario.model, evidence.scenario.sensors[name]
-    events = [passage.events[i] for i in passage.of(name)]
+    events = passage.events_of(name)
     recorded = evidence.sensors[name].value[[event.index for event in events]]
     # predictions, since the noise of a reading is correlated with its innovation
     X, U = np.array([event.x for event in events]), np.array([event.u for event in events])
@@ -128,7 +128,7 @@ def _sensor_columns(
 
 def directions(evidence: Evidence, passage: Passage, name: str) -> Array:
     """Return the direction, -1 or 1, in which each coordinate of a sensor moves (N, k)."""
-    events = [passage.events[i] for i in passage.of(name)]
+    events = passage.events_of(name)
     X, U = np.array([event.x for event in events]), np.array([event.u for event in events])
     H = np.array([event.H for event in events])
     return _directions(np.einsum('eij,ej->ei', H, evidence.scenario.model.time_derivative(X, U)))
@@ -195,7 +195,7 @@ def _read_parameters(
     evidence: Evidence, passage: Passage, name: str, numbers: Sequence[Varied]
 ) -> Array:
     """Return what each parameter changes in the readings of a sensor (N, k, P)."""
-    X = np.array([passage.events[i].x for i in passage.of(name)])
+    X = np.array([event.x for event in passage.events_of(name)])
     sensor = evidence.scenario.sensors[name].sensor
     values, block = sensor.measure(X), np.zeros((len(X), sensor.output.size, len(numbers)))
     for index, (_, size, _, sensors) in enumerate(numbers):

@@ -102,7 +102,7 @@ def _finding(
     """Return the finding of a lag; ``evidence`` has the readings as they are."""
     record = evidence.sensors[name]
     value = record.value.copy()
-    rows = [case.passage.events[i].index for i in case.passage.of(name)]
+    rows = [event.index for event in case.passage.events_of(name)]
     value[rows] -= behind(case.passage, evidence, name, [tau])[:, :, 0]
 
     def again(after: Examination) -> Finding | None:

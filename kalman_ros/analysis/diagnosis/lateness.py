@@ -101,11 +101,9 @@ def _by_passes(case: Examination) -> Iterator[Finding]:
     that they read: it walks at random.
     """
     for name in case.judged:
-        columns, count = case.responses.columns('stamp', name), len(case.passage.of(name))
+        fit, count = case.responses.first('stamp', name), len(case.passage.of(name))
         least = min(max(case.evidence.duration / max(count, 1), _STEP[0]), _STEP[1])
-        if not columns or count < _FEWEST:
-            continue
-        if not 0.0 < case.responses.alone(columns[0]).std[0] <= least:
+        if fit is not None and count >= _FEWEST and not 0.0 < fit.std[0] <= least:
             search = _Search(case, name)
             tau = max((-least, least), key=search.gain)
             if search.gain(tau) > _PROMISING:
@@ -163,8 +161,7 @@ def _shifted(evidence: Evidence, name: str, before: float, fit: Fit) -> Finding:
     )
 
     def again(after: Examination) -> Finding | None:
-        column = after.responses.columns('stamp', name)
-        more = after.responses.alone(column[0]) if column else None
+        more = after.responses.first('stamp', name)
         if more is None or not more.remains:
             return None
         return _shifted(evidence, name, tau, more)

@@ -226,7 +226,7 @@ def _process_finding(
 
 def innovations(case: Examination, name: str, index: int) -> Figure:
     """Return the picture of the innovations of a coordinate with their bounds."""
-    events = [case.passage.events[i] for i in case.passage.of(name)]
+    events = case.passage.events_of(name)
     times = np.array([event.time for event in events]) - case.evidence.start
     values = np.array([event.innovation[index] for event in events])
     bound = 2.0 * np.sqrt(np.array([event.S[index, index] for event in events]))

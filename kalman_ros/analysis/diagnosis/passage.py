@@ -131,6 +131,10 @@ class Passage:
         """Return the indices of the events of a sensor."""
         return np.array(self._indices.get(sensor, []), dtype=int)
 
+    def events_of(self, sensor: str) -> list[Event]:
+        """Return the events of a sensor."""
+        return [self.events[i] for i in self._indices.get(sensor, [])]
+
     def whitened_of(self, sensor: str) -> Array:
         """Return the whitened innovations of a sensor (E, k)."""
         return np.array([self.whitened[i] for i in self._indices.get(sensor, [])])

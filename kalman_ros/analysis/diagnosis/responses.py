@@ -97,6 +97,11 @@ class Responses:
         """Return the fit of some columns, each with its size."""
         return fitted(self.gradient[columns], self.information[np.ix_(columns, columns)])
 
+    def first(self, *start: str) -> Fit | None:
+        """Return the fit of the first column whose label begins with ``start``; None without."""
+        columns = self._by_start.get(start)
+        return self.alone(columns[0]) if columns else None
+
     def alone(self, column: int) -> Fit:
         """Return the fit of one column."""
         return self.fit(np.ones((1, 1)), [column])

@@ -71,7 +71,7 @@ def _examine(case: Examination, name: str) -> list[Finding]:
     comparison = _compare(case, name, others)
     if comparison is None or comparison.largest > _CORRELATED or comparison.z < _FAR:
         return []
-    events = [case.passage.events[i] for i in case.passage.of(name)]
+    events = case.passage.events_of(name)
     misfit_of_line = _misfit_without_model(record.value[[event.index for event in events]])
     misfit_omitted = sum(event.log + event.innovation.size + DROPPED for event in events)
     dues = misfit_of_line - misfit_omitted
