@@ -145,9 +145,10 @@ class _Search:
             near = [0.5 * (low + tau), tau, 0.5 * (tau + high)]
             best = int(np.argmax([self.gain(each) for each in near]))
             low, tau, high = [low, *near, high][best : best + 3]
-        gains = [self.gain(each) - self.gain(tau) for each in (low, tau, high)]
-        curvature = -np.polyfit(np.array([low, tau, high]) - tau, gains, 2)[0]
-        variance = 1.0 / max(float(curvature), 1.0 / tau**2)
+        falls = [self.gain(tau) - self.gain(each) for each in (low, high)]
+        # of a parabola, from the side on which it falls less
+        curvature = min(fall / (each - tau) ** 2 for fall, each in zip(falls, (low, high)))
+        variance = 1.0 / max(curvature, 1.0 / tau**2)
         fit = Fit(np.array([tau]), np.array([[variance]]), self.gain(tau))
         return _shifted(self._evidence, self._name, 0.0, fit)
 
