@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
-from scipy.linalg import solve_discrete_are
+from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 
 from kalman_ros.core import DesignError
 from kalman_ros.linear import periodic
@@ -99,3 +99,25 @@ def test_what_settles_step_by_step_does_so_where_rounding_keeps_the_maps_from_it
     found = periodic_filter([Phase(F, Q, POSITION)])
     P = solve_discrete_are(F.T, POSITION.C.T, Q, POSITION.R)
     np.testing.assert_allclose(found.prior[0], P, rtol=1e-9)
+
+
+def test_a_given_gain_is_kept_and_its_error_is_that_of_lyapunov():
+    L = np.array([[0.1, 0.02], [0.0, 0.3]])
+    phase = Phase(F, Q, Readings(BOTH.C, BOTH.R, L))
+    found = periodic_filter([phase])
+    np.testing.assert_array_equal(found.gains[0], L)
+    J = np.eye(2) - L
+    P = solve_discrete_lyapunov(J @ F, J @ Q @ J.T + L @ BOTH.R @ L.T)
+    np.testing.assert_allclose(found.posterior[0], P, rtol=1e-9)
+    # many periods at once are those one by one
+    step = J @ (F @ BOTH.R @ F.T + Q) @ J.T + L @ BOTH.R @ L.T
+    np.testing.assert_allclose(periodic._map_of(phase)(BOTH.R), step, rtol=1e-12)
+    twice = periodic._map_of(phase).then(periodic._map_of(Phase(F, Q, POSITION)))
+    expected = updated(F @ step @ F.T + Q, POSITION)[1]
+    np.testing.assert_allclose(twice(BOTH.R), expected, rtol=1e-9)
+
+
+def test_gains_that_let_the_error_grow_have_no_steady_state():
+    away = Readings(BOTH.C, BOTH.R, -0.2 * np.eye(2))
+    with pytest.raises(DesignError, match='no steady state'):
+        periodic_filter([Phase(F, Q, away)])
