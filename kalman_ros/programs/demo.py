@@ -120,10 +120,11 @@ def _course(options: argparse.Namespace, performed: Performed) -> str:
     judgement = performed.judgement
     unit, settling = performed.tuning.own.time_unit, judgement.settling_time
     counted = f'; the first {settling:.1f} {unit} settle and do not count' if settling else ''
+    late = f'{performed.missed} of {len(performed.trajectory.time)} steps late{counted}'
+    on_path = performed.unfinished and f' It ends on the path, at {performed.unfinished}.'
     return (
         f'{options.duration:g} {unit_of(performed.tuning)} took {performed.wall:.1f} s, with '
-        f'{performed.missed} of {len(performed.trajectory.time)} steps late{counted}. '
-        f'{judgement.basis}'
+        f'{late}. {judgement.basis}{on_path}'
     )
 
 

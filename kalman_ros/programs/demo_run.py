@@ -39,6 +39,8 @@ class Performed:
     wall: float
     missed: int
     judgement: Judgement
+    #: How far the motion along a path has got where the run ends before it; '' elsewhere.
+    unfinished: str = ''
 
     @property
     def failed(self) -> list[str]:
@@ -114,14 +116,16 @@ def _run_and_judge(
             run.complete()
             bar.update(task, completed=options.duration, description='recorded')
             trajectory = run.trajectory()
+            unfinished = ''
             if tuning.own.path is not None:
                 _check_planned(run)
+                unfinished = run.reported('controller', 'motion')
             missed = int(run.reported('plant', 'missed steps'))
     judgement = judge(run.scenario, trajectory)
     if tuning.own.path is not None:
         checks = [*judgement.checks, *_distances(run, trajectory, tuning.own.path)]
         judgement = replace(judgement, checks=checks)
-    return Performed(tuning, run, trajectory, wall, missed, judgement)
+    return Performed(tuning, run, trajectory, wall, missed, judgement, unfinished)
 
 
 def _check_planned(run: Run) -> None:
