@@ -6,7 +6,7 @@ import pytest
 from scipy.linalg import solve_discrete_lyapunov
 
 from kalman_ros import scenario
-from kalman_ros.analysis.checks import theory
+from kalman_ros.analysis.checks import is_optimum, theory
 from kalman_ros.analysis.design_report import DesignReport
 from kalman_ros.analysis.design_theory import report
 from kalman_ros.analysis.design_warnings import notes
@@ -109,7 +109,21 @@ def test_a_healthy_observer_passes(filter, seed):
     run = closed_loop.run(built, regulator(built)[0].gain, 60.0, seed)
     judgement = judge(built, run)
     assert [check.name for check in judgement.checks if not check.passed] == []
-    assert ('not the optimum' in judgement.basis) is (filter == 'luenberger')
+    assert 'not the optimum' in judgement.basis  # which repeats every five steps
+
+
+def test_a_fixed_gain_is_the_best_where_every_step_has_the_same_readings():
+    every = {'velocity.enabled': False, 'position.rate': 100.0}
+    for filter, changes, best in (
+        ('kf', {}, True),
+        ('kf', every, True),
+        ('steady_state', {}, False),
+        ('steady_state', every, True),
+        ('luenberger', every, False),
+        ('gaussian_sum', {}, True),
+    ):
+        assert is_optimum(scenario.build({**changes, 'filter': filter})) is best
+    assert not is_optimum(scenario.build({'law': 'placement'}))
 
 
 @pytest.mark.slow
