@@ -27,7 +27,7 @@ from kalman_ros.linear.matrices import solve
 from kalman_ros.linear.periodic import PeriodicFilter, Phase, periodic_filter
 from kalman_ros.linear.single import sandwich
 
-#: What is left of a reading no longer counts below this share, or after this many phases.
+#: The least share of a reading in the error that counts, and the most phases in which it does.
 _FORGOTTEN, _MOST_PHASES = 1e-4, 100_000
 
 

@@ -34,7 +34,7 @@ _SETTLED = 1e-12
 
 @dataclass(frozen=True)
 class Readings:
-    """What is read at one step.
+    """The readings of one step of a period.
 
     Parameters
     ----------

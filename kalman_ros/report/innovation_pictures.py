@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.core import Array
+from kalman_ros.estimators import filter_class
 from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.trajectory import Innovations, Trajectory
 
@@ -41,8 +42,10 @@ def innovations(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
     ]
     size = (9.5, 1.5 * max(1, len(rows)) + 0.7)
     ratios = {'width_ratios': (4.0, 1.1, 1.5)}
+    kind = filter_class(scenario.filter)
+    white = 'and white' if kind.optimal or kind.mixture else 'but not white'
     shows = (
-        'Readings minus their predictions: inside the bounds, Gaussian and white if all is right.'
+        f'Readings minus their predictions: inside the bounds, Gaussian {white} if all is right.'
     )
     with figure_with(path, max(1, len(rows)), 3, size, shows, gridspec_kw=ratios) as (
         figure,

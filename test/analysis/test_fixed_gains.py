@@ -10,6 +10,7 @@ from kalman_ros.analysis.checks import is_optimum, theory
 from kalman_ros.analysis.design_report import DesignReport
 from kalman_ros.analysis.design_theory import report
 from kalman_ros.analysis.design_warnings import notes
+from kalman_ros.analysis.input_loops import even_estimator
 from kalman_ros.analysis.nis_spread import nis_variances
 from kalman_ros.analysis.verdict import judge
 from kalman_ros.estimators.fixed_gain import FixedGainObserver
@@ -133,6 +134,17 @@ def test_an_observer_with_other_gains_than_believed_fails():
     run = closed_loop.run(real, regulator(real)[0].gain, 60.0, 0)
     failed = {check.name for check in judge(believed, run).checks if not check.passed}
     assert 'estimator dynamics, misfit^2' in failed
+
+
+def test_a_slow_sensor_counts_in_its_share_of_the_steps_of_an_even_loop():
+    built = scenario.build({**SLOW, 'velocity.enabled': False})  # position at 20 of 100 Hz
+    even = even_estimator(built, built.model.equilibrium)
+    L = fixed_gain_observer(built).gains['position']
+    np.testing.assert_allclose(even.gain, 0.2 * L, rtol=1e-12)
+    F, C = built.model.sampled(0.01).F, built.enabled['position'].sensor.jacobian(np.zeros(4))
+    np.testing.assert_allclose(even.predictor_gain, F @ even.gain, rtol=1e-12)
+    expected = np.sort_complex(np.linalg.eigvals(F - F @ even.gain @ C))
+    np.testing.assert_allclose(np.sort_complex(even.poles), expected, rtol=1e-9)
 
 
 def test_a_design_has_the_gains_poles_and_margins_of_its_observer():

@@ -299,6 +299,17 @@ def test_a_consistent_filter_passes_and_one_that_is_sure_of_itself_fails(tmp_pat
     assert not slow[1].passed
 
 
+@pytest.mark.slow
+def test_innovations_of_placed_poles_are_not_expected_to_be_white(tmp_path):
+    record(tmp_path / 'a', VALUES, 60.0)
+    placed = {**VALUES, 'filter': 'luenberger', 'observer_poles': [-5.0, -6.0, -7.0, -8.0]}
+    replayed = replay(tmp_path / 'a', placed)
+    (nis,) = statistics.checks(replayed, None)
+    assert (nis.name, nis.passed) == ('NIS of y / 2', True)
+    shown = statistics.statistics(replayed.sensors['y']).whiteness
+    assert abs(shown) > statistics.whiteness_bound(6000, 2, 1e-3)  # though the filter is right
+
+
 def test_what_it_lacks_is_said_in_a_line_with_what_there_is(tmp_path):
     recorded(tmp_path / 'a', ARRIVALS)
     with pytest.raises(ValueError) as caught:
