@@ -204,6 +204,20 @@ def test_a_factor_is_that_of_a_unit_or_a_sign_nearby(factor, std, kind, exact):
 
 
 @pytest.mark.parametrize(
+    ('factor', 'std', 'kind'),
+    [
+        (0.51, 0.02, 'scale'),  # half, as well as knots
+        (0.51, 0.0005, 'unit'),
+        (0.5144, 0.0, 'unit'),
+        (0.515, 0.5, 'scale'),
+        (0.53, 0.5, 'unit'),  # too far from a half
+    ],
+)
+def test_a_half_is_likelier_than_knots(factor, std, kind):
+    assert units._classify_factor(factor, std, {0.514444: 'knots'})[0] == kind
+
+
+@pytest.mark.parametrize(
     ('times', 'found'),
     [
         (0.3048 * np.exp(0.29), [0.3048]),

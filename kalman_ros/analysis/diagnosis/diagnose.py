@@ -30,6 +30,7 @@ from . import (
     first_belief,
     frozen,
     gates,
+    generous,
     gross,
     input_axes,
     inputs,
@@ -144,6 +145,8 @@ def diagnose(
     for number in range(_ROUNDS):
         progress(f'causes of the misfit, {number + 1}{_so_far(findings, first)}')
         best = _find_best(case, findings, uncorrected)
+        if number == 0:
+            best = _find_hidden(case, best)
         if best is None:
             break
         uncorrected = None
@@ -238,6 +241,16 @@ def _find_best(
             assert finding.mended is not None
             trials.add_nearer(finding, Examination(finding.mended()))
     return trials.result()
+
+
+def _find_hidden(
+    case: Examination, best: tuple[Finding, Examination] | None
+) -> tuple[Finding, Examination] | None:
+    """Return the cause that generous noise hides, or the best one so far if there is none."""
+    hidden = generous.find(case, () if best is None else (best[0],))
+    if hidden is None or hidden.mended is None or (best is not None and same(hidden, best[0])):
+        return best
+    return hidden, Examination(hidden.mended())
 
 
 def _try(finding: Finding, trials: Trials) -> None:

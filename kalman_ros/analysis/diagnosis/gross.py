@@ -15,7 +15,7 @@ from .examination import CHANCE, Examination
 from .finding import Finding
 from .left_out import left_out
 from .mounting import axes_exchanged, best_rotation, nearest_rotation, turned, vectors, within
-from .passage import Passage, explained, passage
+from .passage import explained, passage
 from .units import conversions, groups, mixed, scaled
 
 #: A filter is lost if its squared innovations exceed their expectation by this factor.
@@ -101,8 +101,7 @@ def beginning(case: Examination) -> Examination:
     """
     until = case.passage.events[0].time + _SECONDS
     events = list(takewhile(lambda event: event.time <= until, case.passage.events))
-    known = Passage(events, case.passage.whitened[: len(events)])
-    return Examination(case.evidence, strict=False, known=known)
+    return Examination(case.evidence, strict=False, known=case.passage.first(len(events)))
 
 
 class _Span:
@@ -112,7 +111,7 @@ class _Span:
         self._until = until
         whole = case.passage
         events = list(takewhile(lambda event: event.time <= until, whole.events))
-        self._before = Passage(events, whole.whitened[: len(events)])
+        self._before = whole.first(len(events))
 
     def __len__(self) -> int:
         return len(self._before.events)

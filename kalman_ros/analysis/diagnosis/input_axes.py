@@ -6,10 +6,11 @@ If M u acts in the place of the input u, each step of the state has B (M - I) u 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations, product
 from math import degrees
+from operator import attrgetter
 
 import numpy as np
 
@@ -21,13 +22,14 @@ from .examination import CHANCE, Examination
 from .finding import Finding
 from .hypotheses import alike
 from .mounting import best_near, nearest_rotation, plane_rotations, rotation_angle
-from .passage import passage
+from .passage import Passage, passage
 from .units import conversions
 
 #: Smallest rotation that is a finding, in rad.
 _SMALL = 0.03
-#: Rotations about each axis at which a search by passes begins, in rad, and how it goes on.
-_QUARTERS = (0.5 * np.pi, np.pi, -0.5 * np.pi)
+#: Rotations about each axis at which a search by passes begins, in rad, the first steps of it,
+#: and how it goes on.
+_QUARTERS, _STEP = (0.5 * np.pi, np.pi, -0.5 * np.pi), 0.2
 _SEARCH = {'maxfev': 60, 'xatol': 1e-3, 'fatol': 1.0}
 #: Inputs that form vectors of two or three axes, which are turned together.
 Vectors = Sequence[tuple[int, ...]]
@@ -46,10 +48,13 @@ def find(case: Examination) -> list[Finding]:
     return findings
 
 
-def by_passes(case: Examination, until: float) -> Iterator[Finding]:
+def by_passes(
+    case: Examination, until: float, misfit: Callable[[Passage], float] = attrgetter('misfit')
+) -> Iterator[Finding]:
     """Yield the rotation of the input by which a lost filter follows the first seconds.
 
-    Each trial is a pass up to the stamp ``until``, since no linearisation holds.
+    Each trial is a pass up to the stamp ``until``, with a ``misfit``, since no linearisation
+    holds.
     """
     from scipy.optimize import minimize  # slow import
 
@@ -58,10 +63,12 @@ def by_passes(case: Examination, until: float) -> Iterator[Finding]:
 
         def loss(turn: Array, vectors: Vectors = vectors) -> float:
             M = _within(space, vectors, rotations.exp(turn))
-            return passage(mixed(case.evidence, M), until, strict=False).misfit
+            return misfit(passage(mixed(case.evidence, M), until, strict=False))
 
         starts = [np.zeros(3), *(angle * axis for axis in np.eye(3) for angle in _QUARTERS)]
-        best = minimize(loss, min(starts, key=loss), method='Nelder-Mead', options=_SEARCH)
+        start = min(starts, key=loss)
+        simplex = {'initial_simplex': start + np.vstack((np.zeros(3), _STEP * np.eye(3)))}
+        best = minimize(loss, start, method='Nelder-Mead', options={**_SEARCH, **simplex})
         turn = rotations.exp(best.x)
         if abs(rotation_angle(turn)) > _SMALL:
             yield _turned(case, vectors, turn, 0.0)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from math import inf
@@ -17,6 +17,7 @@ from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Finding
 from .passage import Passage, passage
+from .peak import deviation, peak
 from .responses import Fit
 from .stamps import latency, picture, slope
 
@@ -27,8 +28,8 @@ _HARMLESS = 0.02
 _EARLIEST, _LATEST, _SHARE = 0.002, 1.0, 0.1
 #: Fewest readings of which the times are tried, the least time, and what it has to explain.
 _FEWEST, _STEP, _PROMISING = 20, (0.01, 0.05), 10.0
-#: How often the interval of a time is halved, and of how many readings.
-_HALVINGS, _PART = 4, 3000
+#: Of how many readings times are tried.
+_PART = 3000
 
 
 def find(case: Examination) -> list[Finding]:
@@ -104,35 +105,48 @@ def _by_passes(case: Examination) -> Iterator[Finding]:
         fit, count = case.responses.first('stamp', name), len(case.passage.of(name))
         least = min(max(case.evidence.duration / max(count, 1), _STEP[0]), _STEP[1])
         if fit is not None and count >= _FEWEST and not 0.0 < fit.std[0] <= least:
-            search = _Search(case, name)
+            search = TimeSearch(case, name, _explained)
             tau = max((-least, least), key=search.gain)
             if search.gain(tau) > _PROMISING:
                 yield search.from_time(tau)
 
 
-class _Search:
-    """The search of the time by which stamps of a sensor are wrong, in a part that shows it."""
+def _explained(before: Passage, after: Passage) -> float:
+    """Return the reduction of the misfit of the readings that are in both passes."""
+    old, new = before.terms, after.terms
+    pairs = ((old[key], new[key]) for key in old if key in new)
+    return sum(a[0] + a[1] - b[0] - b[1] for a, b in pairs)
 
-    def __init__(self, case: Examination, name: str) -> None:
-        self._evidence, self._name = case.evidence, name
-        events = case.passage.events
-        count = min(len(events), _PART)
-        self._until, self._share = events[count - 1].time, count / len(events)
-        self._before = Passage(events[:count], case.passage.whitened[:count]).terms
+
+class TimeSearch:
+    """The search of the time by which stamps of a sensor are wrong, in a part that shows it.
+
+    Parameters
+    ----------
+    case, name
+        Recording and sensor.
+    compare
+        Function that returns the gain of a pass with other times, the second one, over the first.
+    """
+
+    def __init__(
+        self, case: Examination, name: str, compare: Callable[[Passage, Passage], float]
+    ) -> None:
+        self._evidence, self._name, self._compare = case.evidence, name, compare
+        count = min(len(case.passage.events), _PART)
+        self._share = count / len(case.passage.events)
+        self._before = case.passage.first(count)
+        self._until = self._before.events[-1].time
         self._gains: dict[float, float] = {}
 
     def gain(self, tau: float) -> float:
         """Return how much a time explains of the whole, by the part."""
         if tau not in self._gains:
             try:
-                shifted = _shift_stamps(self._evidence, self._name, tau)
-                after = passage(shifted, self._until).terms
+                after = passage(_shift_stamps(self._evidence, self._name, tau), self._until)
+                self._gains[tau] = self._compare(self._before, after) / self._share
             except np.linalg.LinAlgError:
                 self._gains[tau] = -inf
-            else:
-                pairs = ((before, after[k]) for k, before in self._before.items() if k in after)
-                found = (a[0] + a[1] - b[0] - b[1] for a, b in pairs)
-                self._gains[tau] = sum(found) / self._share
         return self._gains[tau]
 
     def from_time(self, tau: float) -> Finding:
@@ -140,16 +154,10 @@ class _Search:
         longest = _SHARE * self._evidence.duration
         while abs(2.0 * tau) < longest and self.gain(2.0 * tau) > self.gain(tau):
             tau *= 2.0
-        low, high = sorted((0.5 * tau, 2.0 * tau))
-        for _ in range(_HALVINGS):
-            near = [0.5 * (low + tau), tau, 0.5 * (tau + high)]
-            best = int(np.argmax([self.gain(each) for each in near]))
-            low, tau, high = [low, *near, high][best : best + 3]
-        falls = [self.gain(tau) - self.gain(each) for each in (low, high)]
-        # of a parabola, from the side on which it falls less
-        curvature = min(fall / (each - tau) ** 2 for fall, each in zip(falls, (low, high)))
-        variance = 1.0 / max(curvature, 1.0 / tau**2)
-        fit = Fit(np.array([tau]), np.array([[variance]]), self.gain(tau))
+        near = peak(self.gain, *sorted((0.5 * tau, tau, 2.0 * tau)))
+        tau = near[1]
+        std = min(deviation(self.gain, *near), abs(tau))
+        fit = Fit(np.array([tau]), np.array([[std**2]]), self.gain(tau))
         return _shifted(self._evidence, self._name, 0.0, fit)
 
 

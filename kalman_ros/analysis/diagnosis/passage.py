@@ -115,6 +115,10 @@ class Passage:
             for event, e in zip(self.events, self.whitened)
         }
 
+    def first(self, count: int) -> Passage:
+        """Return the first events."""
+        return Passage(self.events[:count], self.whitened[:count])
+
     def selected(self, sensor: str, rows: Any) -> Passage:
         """Return the pass over a record that is reduced to ``rows``, in this order.
 

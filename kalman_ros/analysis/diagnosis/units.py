@@ -58,6 +58,8 @@ AFFINE = {
 }
 #: Units of a temperature.
 _TEMPERATURE = ('', 'K', 'C', 'degC')
+#: Factors that are likelier than a unit: a radius for a diameter, edges that are counted twice.
+_PLAIN = (0.5, 2.0)
 #: A unit that differs from the fitted factor must explain this share of the misfit.
 _EXPLAINED = 0.5
 #: A temperature in another unit has this share of the gain of the best scale and zero.
@@ -299,7 +301,9 @@ def _classify_factor(
         return 'sign', factor, f' ± {std:.1g}: they have the wrong sign, and another scale'
     near = min(conversions, key=lambda unit: abs(log(factor / unit)))
     close = max(_CLOSE, min(4.0 * std / factor, 0.25))
-    if factor > 0.0 and abs(log(factor / near)) < close:
+    doubt = min(_CLOSE, 2.0 * std / factor)
+    plain = any(abs(log(factor / ratio)) < doubt for ratio in _PLAIN)
+    if abs(log(factor / near)) < close and not plain:
         return 'unit', near, f': they are in {conversions[near]}'
     return 'scale', factor, f' ± {std:.1g}: their scale is wrong'
 

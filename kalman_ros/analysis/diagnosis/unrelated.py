@@ -51,16 +51,19 @@ def find(case: Examination) -> list[Finding]:
 
     The other sensors predict the readings of a sensor. If the predictions are accurate, and the
     readings follow neither the predictions nor any state, at any lag, they are of an unmodelled
-    quantity.
+    quantity. It may be one that the filter believes, so that the others look wrong.
     """
     names = case.judged
-    findings = []
-    for name in names if len(names) > 1 else ():
-        size = case.evidence.scenario.sensors[name].sensor.output.size
-        # the median, since outliers do not indicate another signal
-        if np.median(case.passage.squares(name)) > _SUSPECT * 2.0 * gammainccinv(0.5 * size, 0.5):
-            findings += _examine(case, name)
-    return findings
+    if len(names) < 2 or not any(_is_suspect(case, name) for name in names):
+        return []
+    return [finding for name in names for finding in _examine(case, name)]
+
+
+def _is_suspect(case: Examination, name: str) -> bool:
+    """Return whether most innovations of a sensor are too large: few outliers mean nothing."""
+    size = case.evidence.scenario.sensors[name].sensor.output.size
+    usual = 2.0 * gammainccinv(0.5 * size, 0.5)
+    return bool(np.median(case.passage.squares(name)) > _SUSPECT * usual)
 
 
 def _examine(case: Examination, name: str) -> list[Finding]:

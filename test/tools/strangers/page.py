@@ -24,7 +24,9 @@ users do: the executable, with its windows, gates and outcomes. Made by
   are no axes that couple; with *real* in view, noise that is correlated in time must explain more
   than smaller noise does, and hides no other cause; noise in common is at the same time only;
   with other recordings in view, signs and exchanges that a filter holds in check, and stamps of
-  rates that walk at random, are tried by passes of the filter.
+  rates that walk at random, are tried by passes of the filter; with *real* in view, causes behind
+  noise that is declared much too large are compared by the errors that they leave, and sensors
+  that the filter believes may be unrelated.
 - *sixth*: ten other systems, written in the same way. Its first score, blind, was 65 of 81 first
   (80 %), 67 among three (83 %), wrong and sure 6 of 94 (6 %), clean flagged 1 of 13. Changed since
   with its results in view: sensors that are turned as a whole, axes that read a part of others,
