@@ -413,11 +413,12 @@ def noisy(best, weight, labels=(('position', '0'),), score=100.0):
     ('best', 'weight', 'score', 'found'),
     [
         (2.5, 100.0, 5.1, True),
-        (2.5, 100.0, -5.1, True),
+        (-2.5, 100.0, -5.1, True),
+        (-2.5, 100.0, 5.1, False),  # the likelihood grows the other way
         (2.5, 100.0, 4.9, False),
         (0.5, 121.0, 100.0, True),
         (0.5, 119.0, 100.0, False),
-        (-4.0, 100.0, 100.0, True),
+        (-4.0, 100.0, -100.0, True),
         # by less than a fifth
         (0.35, 1e4, 100.0, False),
     ],
@@ -453,7 +454,8 @@ def test_the_factor_of_a_variance_is_found_in_coarse_and_in_fine_steps(monkeypat
     for best in coarse + np.array(fine):
         case_, misfits = noisy(best, 100.0)
         monkeypatch.setattr(noise_levels, 'misfits', misfits)
-        ((group, log, gain, spread),) = noise_levels._search_factors(case_, [(0,)])
+        way = noise_levels._FACTORS[noise_levels._FACTORS * coarse > 0.0]
+        ((group, log, gain, spread),) = noise_levels._search_factors(case_, {(0,): way})
         assert group == (0,)
         assert log == pytest.approx(best)
         assert gain == pytest.approx(100.0 * best**2)

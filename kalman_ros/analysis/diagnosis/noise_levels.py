@@ -42,15 +42,17 @@ def find(case: Examination) -> list[Finding]:
     1970, shows which variances the innovations determine.
     """
     scores = case.scores
-    suspects = {}
+    suspects, ways = {}, {}
     for group in _groups(scores.labels):
         score = scores.gradient[list(group)].sum()
         information = scores.information[np.ix_(group, group)].sum()
         suspects[group] = abs(float(score)) / np.sqrt(max(float(information), 1e-12))
+        ways[group] = _FACTORS[_FACTORS * score > 0.0]
     largest = sorted(suspects, key=lambda group: -suspects[group])[:_TRIED]
     largest = [group for group in largest if suspects[group] > _SUSPECT]
     findings = []
-    for group, log, gain, spread in _search_factors(case, largest) if largest else ():
+    trials = {group: ways[group] for group in largest}
+    for group, log, gain, spread in _search_factors(case, trials) if trials else ():
         if gain > CHANCE and abs(log) > 2.0 * np.log(_RELEVANT):
             label = scores.labels[group[0]]
             factor = exp(0.5 * log)
@@ -73,9 +75,12 @@ def _groups(labels: Sequence[tuple[str, ...]]) -> list[tuple[int, ...]]:
 
 
 def _search_factors(
-    case: Examination, suspects: Sequence[tuple[int, ...]]
+    case: Examination, suspects: dict[tuple[int, ...], Array]
 ) -> list[tuple[tuple[int, ...], float, float, float]]:
-    """Return each suspect with the best logarithm of its factor, its gain, and its deviation."""
+    """Return each suspect with the best logarithm of its factor, its gain, and its deviation.
+
+    The first trials of each are the logarithms of the factors towards which the likelihood grows.
+    """
     labels, p = case.scores.labels, len(case.scores.labels)
 
     def gains_of(logs: dict[tuple[int, ...], Array]) -> dict[tuple[int, ...], Array]:
@@ -87,8 +92,8 @@ def _search_factors(
         gains = iter(values[-1] - values[:-1])
         return {group: np.array([next(gains) for _ in many]) for group, many in logs.items()}
 
-    coarse = gains_of(dict.fromkeys(suspects, _FACTORS))
-    fine = {group: _FACTORS[np.argmax(gains)] + _FINER for group, gains in coarse.items()}
+    coarse = gains_of(suspects)
+    fine = {group: suspects[group][np.argmax(gains)] + _FINER for group, gains in coarse.items()}
     results = []
     for group, gains in gains_of(fine).items():
         logs, best = fine[group], int(np.argmax(gains))

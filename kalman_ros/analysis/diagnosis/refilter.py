@@ -20,7 +20,16 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from kalman_ros.core import Array
-from kalman_ros.linear.batched import corrected, gain, joseph, sandwich, times, weighed
+from kalman_ros.linear.batched import (
+    corrected,
+    gain,
+    product,
+    product_transposed,
+    sandwich,
+    symmetric,
+    times,
+    weighed,
+)
 
 from .passage import Event, Passage
 
@@ -111,7 +120,7 @@ class _CandidateFilters:
         nu = event.innovation - times(H, self._d)
         self.misfit += weighed(S, nu) + np.linalg.slogdet(2.0 * np.pi * S)[1]
         self._d = corrected(self._d, K, nu) - K_0 @ event.innovation
-        self._P = joseph(K, H, self._P, R)
+        self._P = symmetric(self._P - product_transposed(product(K, S), K))
 
     def _scale(self, event: Event) -> Array:
         """Return the factors of the standard deviations of a sensor's coordinates (C, k)."""
