@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from .alignment import is_alignable, tilted
 from .evidence import Evidence
 from .parameters import STEP, Varied, varied
 from .passage import Passage
-from .responses import Columns, Responses, responses
+from .responses import Columns, Pushes, Responses, responses
 
 #: A changing offset is constant in each piece: largest number of pieces, and shortest piece (s).
 PIECES, _SHORTEST = 30, 1.0
@@ -55,15 +55,14 @@ def columns(evidence: Evidence, passage: Passage, tones: Array | None = None) ->
             for index in range(block.shape[1])
             for piece in range(len(limits) - 1)
         ]
-    states = _state_columns(evidence, passage, tones, numbers)
-    parts = [part for part in states if part[1].shape[2]]
-    state = np.concatenate([block for _, block in parts], axis=2)
-    labels += [label for part_labels, _ in parts for label in part_labels]
+    pushed, pushes = _pushes(evidence, passage, tones)
+    changed, state = _state_columns(evidence, passage, numbers)
+    labels += [*pushed, *changed]
     for name, blocks in readings.items():
         if any(name in each.sensors for each in numbers):
             added = _read_parameters(evidence, passage, name, numbers)
             blocks.append((len(labels) - len(numbers), added))
-    return Columns(labels, readings, state, offsets)
+    return Columns(labels, readings, offsets, pushes, state)
 
 
 def offset_columns(passage: Passage, name: str, limits: Array) -> Array:
@@ -83,8 +82,7 @@ def offset_responses(passage: Passage, name: str, limits: Array) -> Responses:
     labels = [
         ('offset', name, str(i), str(piece)) for i in range(offsets.shape[1]) for piece in pieces
     ]
-    state = np.zeros((len(passage.events), len(passage.events[0].x), 0))
-    return responses(passage, Columns(labels, {}, state, {name: offsets}))
+    return responses(passage, Columns(labels, {}, {name: offsets}))
 
 
 def _sensor_columns(
@@ -161,34 +159,46 @@ def displaced(scenario: Scenario, name: str, X: Array) -> Array | None:
     return added
 
 
+def _along(passage: Passage) -> tuple[Array, Array, Array]:
+    """Return the states (E, n), the inputs (E, m) and the durations of the steps (E, 1)."""
+    X, U = (np.array([getattr(event, name) for event in passage.events]) for name in ('x', 'u'))
+    return X, U, np.array([event.dt for event in passage.events])[:, None]
+
+
+def _pushes(
+    evidence: Evidence, passage: Passage, tones: Array | None
+) -> tuple[list[tuple[str, ...]], Pushes | None]:
+    """Return the columns of the inputs, with their labels; None without an input."""
+    model, (X, U, dt) = evidence.scenario.model, _along(passage)
+    labels: list[tuple[str, ...]] = []
+    effects, amounts = [], []
+    for index, name in enumerate(model.input.names):
+        own, pushes = _input_columns(evidence, passage, index, tones)
+        labels += [(kind, name, *rest) for kind, *rest in own]
+        effects.append(effect(model, X, U, index) * dt)
+        amounts.append(pushes)
+    if not labels:
+        return labels, None
+    return labels, Pushes(effects, amounts)
+
+
 def _state_columns(
-    evidence: Evidence, passage: Passage, tones: Array | None, numbers: Sequence[Varied]
-) -> Iterator[tuple[list[tuple[str, ...]], Array]]:
-    """Yield the columns of the initial belief, the inputs and the parameters, with labels.
+    evidence: Evidence, passage: Passage, numbers: Sequence[Varied]
+) -> tuple[list[tuple[str, ...]], Array]:
+    """Return the columns of the initial belief and of the parameters, with their labels.
 
     The last ones are those of the ``numbers``, in their order.
     """
-    model, n, E = evidence.scenario.model, evidence.scenario.model.state.size, len(passage.events)
-    first = np.zeros((E, n, n))
-    first[0] = np.diag(evidence.scenario.initial_belief.std)
-    yield [('first', name) for name in model.state.names], first
-    X, U = (np.array([getattr(e, name) for e in passage.events]) for name in ('x', 'u'))
-    dt = np.array([event.dt for event in passage.events])
-    for index, name in enumerate(model.input.names):
-        labels, pushes = _input_columns(evidence, passage, index, tones)
-        effects = effect(model, X, U, index) * dt[:, None]
-        yield (
-            [(kind, name, *rest) for kind, *rest in labels],
-            effects[:, :, None] * pushes[:, None],
-        )
-    names: list[tuple[str, ...]] = []
-    blocks: list[Array] = []
+    model, (X, U, dt) = evidence.scenario.model, _along(passage)
+    E, n = X.shape
+    state = np.zeros((E, n, n + len(numbers)))
+    state[0, :, :n] = np.diag(evidence.scenario.initial_belief.std)
     rates = model.time_derivative(X, U)
-    for parameter, size, changed, _ in numbers:
-        change = (changed.time_derivative(X, U) - rates) / size if changed is not model else 0.0
-        names.append(('parameter', parameter.name))
-        blocks.append(change * dt[:, None] * np.ones((E, n)))
-    yield names, np.stack(blocks, axis=2) if blocks else np.zeros((E, n, 0))
+    for index, (_, size, changed, _) in enumerate(numbers):
+        if changed is not model:
+            state[:, :, n + index] = (changed.time_derivative(X, U) - rates) / size * dt
+    firsts = [('first', name) for name in model.state.names]
+    return [*firsts, *(('parameter', each.parameter.name) for each in numbers)], state
 
 
 def _read_parameters(

@@ -63,9 +63,8 @@ def _likeliest(
     """
     added = behind(passage, evidence, name, [before, *constants])
     block = added[:, :, 1:] - added[:, :, :1]
-    state = np.zeros((len(passage.events), len(passage.events[0].x), 0))
     labels = [(str(index),) for index in range(block.shape[2])]
-    found = responses(passage, Columns(labels, {name: [(0, block)]}, state))
+    found = responses(passage, Columns(labels, {name: [(0, block)]}))
     gains = 2.0 * found.gradient - found.information.diagonal()
     best = int(np.argmax(gains))
     other = best - 1 if best else best + 1

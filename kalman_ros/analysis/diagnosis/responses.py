@@ -16,9 +16,10 @@ the columns are the regressors of the whitened innovations, which are N(0, 1) wi
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -29,8 +30,34 @@ from .passage import Passage
 
 #: A fit is about right if it changes by less than this share of its standard deviation.
 _PART = 0.3
-#: Number of rows of the regressors that are kept at a time.
-_ROWS = 4096
+#: Number of rows of the regressors that are kept at a time, and of steps.
+_ROWS, _TOGETHER = 4096, 32
+
+
+@dataclass(frozen=True)
+class Pushes:
+    """The effect of p columns on the state, each by one of m inputs.
+
+    Parameters
+    ----------
+    effects
+        Effect of a unit of each input over the step to each event (E, n), by input.
+    amounts
+        How much each column of an input pushes in each step (E, p_i), by input.
+    """
+
+    effects: Sequence[Array]
+    amounts: Sequence[Array]
+
+    def __len__(self) -> int:
+        return sum(amount.shape[1] for amount in self.amounts)
+
+    def steps(self) -> Iterator[Array]:
+        """Yield what the columns add to the state over the step to each event (n, p)."""
+        for start in range(0, len(self.effects[0]), _TOGETHER):
+            at = slice(start, start + _TOGETHER)
+            pairs = zip(self.effects, self.amounts)
+            yield from np.concatenate([e[at, :, None] * a[at, None] for e, a in pairs], axis=2)
 
 
 @dataclass(frozen=True)
@@ -44,16 +71,19 @@ class Columns:
     readings
         Effects of the columns ``first`` to ``first + p`` on the readings, by sensor: several
         (first, (E, k, p)) in the order of the events of the sensor.
-    state
-        Effect of the last columns on the state over the step to each event (E, n, p).
     offsets
         The column that adds 1 to each coordinate of each reading (E, k), by sensor.
+    pushes
+        Effect of the columns before those of ``state``.
+    state
+        Effect of the last columns on the state over the step to each event (E, n, p).
     """
 
     labels: Sequence[tuple[str, ...]]
     readings: Mapping[str, Sequence[tuple[int, Array]]]
-    state: Array
     offsets: Mapping[str, Any] = field(default_factory=dict)
+    pushes: Pushes | None = None
+    state: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -139,21 +169,25 @@ def fitted(gradient: Array, information: Array) -> Fit:
 
 def responses(passage: Passage, columns: Columns) -> Responses:
     """Return the regression of the innovations of a filter pass on the columns."""
-    p, n = len(columns.labels), columns.state.shape[1]
-    first_state = p - columns.state.shape[2]
-    error = np.zeros((n, p))
+    p, pushes, state = len(columns.labels), columns.pushes, columns.state
+    last = p - (0 if state is None else state.shape[2])
+    first = last - (0 if pushes is None else len(pushes))
+    added = repeat(0.0) if pushes is None else pushes.steps()
+    error = np.zeros((len(passage.events[0].x), p))
     seen = Counter[str]()
     gradient, information = np.zeros(p), np.zeros((p, p))
     rows = _ROWS + max(map(len, passage.whitened), default=0)
     Z, whitened, row = np.zeros((rows, p)), np.zeros(rows), 0
-    for event, e, added in zip(passage.events, passage.whitened, columns.state):
+    for index, (event, e, pushed) in enumerate(zip(passage.events, passage.whitened, added)):
         error = event.F.dot(error)
-        error[:, first_state:] += added
+        error[:, first:last] += pushed
+        if state is not None:
+            error[:, last:] += state[index]
         response = event.H.dot(error)
         row_of_sensor = seen[event.sensor]
         seen[event.sensor] += 1
-        for first, readings in columns.readings.get(event.sensor, ()):
-            response[:, first : first + readings.shape[2]] += readings[row_of_sensor]
+        for begin, readings in columns.readings.get(event.sensor, ()):
+            response[:, begin : begin + readings.shape[2]] += readings[row_of_sensor]
         if event.sensor in columns.offsets:
             response[range(len(e)), columns.offsets[event.sensor][row_of_sensor]] += 1.0
         error -= event.K.dot(response)
