@@ -103,6 +103,10 @@ class Ros1File:
                 deque(block.read((), budget), maxlen=0)
         for topic, kind in self._connections.values():
             self.topics.setdefault(topic, set()).add(kind)
+        kinds = {kind for _, kind in self._connections.values()}
+        if unknown := sorted(kinds - set(_types().fielddefs)):
+            reason = f'no message of ROS 2 is known for {", ".join(unknown)}'
+            self.damage = '; '.join(filter(None, (self.damage, reason)))
 
     def _scan(self, budget: Budget) -> None:
         chunk: Part | None = None
@@ -208,11 +212,8 @@ class Ros1File:
 
 
 def _converted(data: bytes, kind: str) -> bytes:
-    """Return a message of ROS 1 as one of ROS 2; no bytes if it is invalid."""
-    types = _types()
-    if kind not in types.fielddefs:
-        raise ValueError(f'no message of ROS 2 is known for {kind}')
+    """Return a message of ROS 1 as one of ROS 2; no bytes if it is invalid, or none is known."""
     try:
-        return bytes(types.ros1_to_cdr(data, kind))
-    except Exception:  # SerdeError, struct.error, UnicodeDecodeError, ...
+        return bytes(_types().ros1_to_cdr(data, kind))
+    except Exception:  # KeyError, SerdeError, struct.error, UnicodeDecodeError, ...
         return b''

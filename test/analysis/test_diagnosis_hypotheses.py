@@ -317,3 +317,13 @@ def test_without_a_unit_a_factor_has_all_its_names():
         'metres, where centimetres are expected or hPa (millibars)'
     )
     assert 100.0 not in conversions(metres, (0,))
+
+
+def test_stretches_of_which_sums_leave_only_rounding_are_none():
+    """A gain of a filter that is lost makes sums of 1e37, whose differences are no information."""
+    k = 3
+    pieces = stretch.Pieces(np.ones((4, k)), np.zeros((4, k, 4, k)))
+    pieces._blocks += 1e37 * np.eye(k)[:, None, :]
+    rounding = [[0.0, 4.7e21, -1.2e21], [0.0, 0.0, 0.0], [0.0, -1.2e21, 0.0]]  # singular
+    pieces._blocks[2, :, 2] += rounding
+    assert pieces.likeliest(np.ones((4, k)), np.ones(4, dtype=bool)) is not None

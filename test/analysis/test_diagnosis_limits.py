@@ -15,6 +15,7 @@ from kalman_ros.analysis.diagnosis import (
     gates,
     lateness,
     message_covariances,
+    outliers,
     quantisation,
     rate,
     saturation,
@@ -376,6 +377,28 @@ def test_one_reading_in_a_hundred_may_be_lost(count, found):
     assert kinds(findings) == (['losses'] if found else [])
 
 
+def test_stamps_that_jitter_lose_nothing():
+    rng = np.random.default_rng(4)
+    stamp = np.sort(0.05 * np.arange(2000) + 0.012 * rng.normal(size=2000))
+    assert not [each for each in rate.find(case(record(stamp))) if 'losses' in each.kind]
+    steady = 0.05 * np.arange(2000) + 0.003 * rng.normal(size=2000)
+    lost = np.delete(steady, rng.choice(2000, 100, replace=False))
+    (found,) = [each for each in rate.find(case(record(lost))) if 'losses' in each.kind]
+    assert float(found.sentence.split()[0]) == pytest.approx(5.0, abs=0.7)
+
+
+@pytest.mark.parametrize(('share', 'note'), [(0.45, False), (0.55, True)])
+def test_what_is_read_now_and_then_is_a_note(share, note):
+    gone = int(400 * share)
+    stamp = 0.02 * np.delete(np.arange(400), np.arange(100, 100 + gone))
+    readings = record(stamp)
+    found = [each for each in rate.find(case(readings)) if each.subject == 'position']
+    (losses,) = [each for each in found if each.kind == 'losses in bursts']
+    assert losses.note is note
+    assert ('now and then' in losses.sentence) is note
+    assert ('rate' in kinds(found)) is not note  # 50 Hz, where 20 are declared
+
+
 @pytest.mark.parametrize(('count', 'found'), [(5, False), (6, True)])
 def test_a_rate_is_known_from_six_readings_on(count, found):
     findings = rate.find(case(record(np.arange(count))))
@@ -396,19 +419,25 @@ def test_readings_that_are_not_finite_are_counted(count):
 
 
 @pytest.mark.parametrize(
-    ('total', 'rejected', 'square', 'found'),
+    ('total', 'rejected', 'square', 'harm', 'found'),
     [
-        (1000, 34, 1.0, True),
-        (1000, 33, 1.0, False),
+        (1000, 34, 1.0, 0.0, True),
+        (1000, 33, 1.0, 0.0, False),
         # of twenty, five by chance are too many to be good luck
-        (20, 4, 1.0, False),
-        (20, 5, 1.0, True),
-        (1000, 34, 14.9, True),
-        (1000, 34, 15.1, False),
-        (1000, 34, np.nan, False),
+        (20, 4, 1.0, 0.0, False),
+        (20, 5, 1.0, 0.0, True),
+        (1000, 34, 3.9, 29.0, True),
+        (1000, 34, 3.9, 31.0, False),  # the others fit worse
+        (1000, 34, 4.1, -29.0, False),
+        (1000, 34, 14.9, -31.0, True),  # the others fit better
+        (1000, 34, 15.1, -31.0, False),
+        (1000, 34, np.nan, 0.0, False),
     ],
 )
-def test_a_gate_rejects_good_readings_beyond_chance(total, rejected, square, found):
+def test_a_gate_rejects_good_readings_beyond_chance(
+    monkeypatch, total, rejected, square, harm, found
+):
+    monkeypatch.setattr(gates, '_harm', lambda case, name, rows: harm)
     readings = record(0.05 * np.arange(total))
     readings.outcome[:rejected] = Outcome.REJECTED.name
     readings.outcome[0] = Outcome.OUTVOTED.name
@@ -663,3 +692,27 @@ def test_a_jitter_by_which_no_reading_is_lost_is_a_note(outcome, note):
     late.outcome[:] = outcome.name
     (finding,) = lateness.find(case(late, window=1.0))
     assert (finding.kind, finding.note) == ('jitter', note)
+
+
+@pytest.mark.parametrize(('left', 'found'), [(0.0, False), (4e-8, False), (6e-8, True)])
+def test_what_arithmetic_leaves_of_zero_is_rest(left, found):
+    """A driver of wheels that stand computes 1e-15 m/s, again and again."""
+    value = np.r_[np.arange(20.0), np.full(30, left)]
+    readings = record(0.05 * np.arange(50), value=value)
+    findings = frozen.find(case(readings))
+    assert kinds(findings) == (['frozen'] if found else [])
+
+
+def test_an_outlier_is_rejected_by_the_gate_that_there_is():
+    sentences = []
+    for gate in (1.0, 0.99):
+        readings = record(0.05 * np.arange(100))
+        squares = np.ones(100)
+        squares[50] = 4000.0
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(outliers, 'rejected', lambda *_: np.array([50]))
+            (finding,) = outliers.find(case(readings, squares, **{'position.gate': gate}))
+        sentences.append(finding.sentence)
+        assert bool(finding.change) is (gate == 1.0)
+    assert sentences[0].endswith('A gate rejects them.')
+    assert sentences[1].endswith('Its gate is there to reject them.')

@@ -22,6 +22,7 @@ from kalman_ros.analysis.diagnosis import (
     unrelated,
 )
 from kalman_ros.analysis.diagnosis.evidence import Evidence
+from kalman_ros.analysis.diagnosis.finding import Finding
 from kalman_ros.analysis.diagnosis.responses import Responses
 from kalman_ros.core import Space, rotations
 from kalman_ros.scenario import build
@@ -459,7 +460,32 @@ def test_the_factor_of_a_variance_is_found_in_coarse_and_in_fine_steps(monkeypat
         assert group == (0,)
         assert log == pytest.approx(best)
         assert gain == pytest.approx(100.0 * best**2)
-        assert spread == pytest.approx(0.1)
+        assert spread == (np.inf if best == 9.6 else pytest.approx(0.1))
+
+
+@pytest.mark.parametrize(('best', 'bound'), [(-9.0, -6.6), (20.0, 9.6)])
+def test_a_noise_beyond_all_trials_is_wrong_by_at_least_the_last_one(monkeypatch, best, bound):
+    case_, misfits = noisy(best, 100.0, score=np.copysign(100.0, best))
+    monkeypatch.setattr(noise_levels, 'misfits', misfits)
+    (finding,) = noise_levels.find(case_)
+    assert f'by a factor of at least {np.exp(0.5 * abs(bound)):.3g}: ' in finding.sentence
+    assert '95 %' not in finding.sentence
+
+
+def test_no_less_noise_is_advised_for_errors_that_are_alike_in_time():
+    large = Finding('noise too large', 'gnss.x', 'too large.', 9.0, {'gnss.noise': [0.1]})
+    others = [
+        Finding('noise too large', 'wheels', 'too large.', 9.0, {'wheels.noise': [0.1]}),
+        Finding('noise too small', 'gnss.y', 'too small.', 9.0, {'gnss.noise': [0.1]}),
+        Finding('outliers', 'gnss', 'outliers.', 9.0),
+    ]
+    assert noise_levels.withheld([large, *others], []) == [large, *others]
+    for kind in ('coloured noise', 'random walk', 'unexplained'):
+        alike = Finding(kind, 'gnss', 'alike.', 9.0)
+        for findings, notes in (([large, *others, alike], []), ([large, *others], [alike])):
+            first, *rest = noise_levels.withheld(findings, notes)
+            assert not first.change and first.sentence.endswith('Keep the declared one.')
+            assert rest[:3] == others
 
 
 def test_four_variances_are_tried_in_a_round(monkeypatch):

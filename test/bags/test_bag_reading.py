@@ -18,7 +18,7 @@ pytest.importorskip('rosbags')
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rosbags import rosbag1, rosbag2
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from kalman_ros.bags import blocks, ros1_reader
 from kalman_ros.bags.blocks import Block, Message, as_published, in_order
@@ -120,6 +120,22 @@ def test_ros_1_is_read_as_ros_2(tmp_path, compression):
         assert imu.header.frame_id == 'imu'
         assert imu.angular_velocity.z == k
         np.testing.assert_array_equal(imu.linear_acceleration_covariance, np.arange(9.0) + k)
+
+
+def test_a_type_of_which_ros_2_has_none_leaves_the_others(tmp_path):
+    types = get_typestore(Stores.ROS1_NOETIC)
+    types.register(get_types_from_msg('float64 x', 'driver/msg/Own'))
+    with rosbag1.Writer(tmp_path / 'a.bag') as writer:
+        for topic, kind in (('/own', 'driver/msg/Own'), ('/number', 'std_msgs/msg/Float64')):
+            connection = writer.add_connection(topic, kind, typestore=types)
+            data = types.serialize_ros1(types.types[kind](2.5), kind)
+            writer.write(connection, 10**9, data)
+    bag = Bag(tmp_path / 'a.bag')
+    assert bag.topics['/own'] == {'driver/msg/Own'}
+    assert bag.damage[0].endswith('no message of ROS 2 is known for driver/msg/Own')
+    found = {message.topic: message.data for message in bag.messages(bag.topics)}
+    assert found['/own'] == b''
+    assert decode(found['/number'], message_type('std_msgs/Float64')).data == 2.5
 
 
 def test_without_rosbags_a_line_says_what_to_install(tmp_path, monkeypatch):

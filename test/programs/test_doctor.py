@@ -81,6 +81,20 @@ def test_a_parameter_is_changed_for_once(tmp_path, capsys):
     assert "expected NAME:=VALUE, got 'position'" in capsys.readouterr().err
 
 
+def test_an_imu_on_its_side_is_seen_before_anything_else(tmp_path):
+    def lying(y):
+        return y[:, [0, 2, 1, 3, 5, 4]] * [1.0, 1.0, -1.0, 1.0, 1.0, -1.0]  # its y looks up
+
+    side = Injection(edits={'imu': values_of(lying)})
+    write_bag(tmp_path / 'bag', 'robot_3d', side, 8.0, 3)
+    found = load(tmp_path / 'bag', 'robot_3d')
+    assert np.argmax(found.forces['imu']) == 1
+    first = diagnose(found, proofs=False).findings[0]
+    assert (first.kind, first.subject) == ('rotated', 'imu')
+    assert first.change['imu.mount.rotation'] == pytest.approx([np.pi / 2, 0.0, 0.0], abs=0.1)
+    assert first.gain > 1000.0
+
+
 def test_a_part_is_diagnosed_alone(tmp_path, capsys):
     half = Injection(
         edits={

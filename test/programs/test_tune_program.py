@@ -103,6 +103,15 @@ def test_a_part_is_fitted_alone(recording, tmp_path, capsys):
     assert run(*arguments, '--from', 10, '--to', 2) == 2
 
 
+def test_gates_of_the_file_are_used_in_the_fit(recording):
+    bag, file = recording
+    gated = {'position.gate': 0.999, 'window': 0.0}
+    likelihood = load(bag, file, gated, ['position.noise'], {}, {}, 0.0).likelihood
+    limits = likelihood.conditions.policy.gates
+    assert limits == {'position': pytest.approx(10.83, abs=0.01)}  # chi-square of one number
+    assert not load(bag, file, {}, ['mass'], {}, {}, 0.0).likelihood.conditions.policy.gates
+
+
 @pytest.mark.parametrize(('arguments', 'words'), [
     (['--fit', 'mss'], "did you mean 'mass'"),
     (['--fit', 'mass', '--bounds', 'mass=2..3'], 'exclude the start'),

@@ -31,6 +31,7 @@ from . import (
     frozen,
     gates,
     generous,
+    gravity,
     gross,
     input_axes,
     inputs,
@@ -41,6 +42,7 @@ from . import (
     message_covariances,
     mounting,
     noise_levels,
+    norms,
     outliers,
     quantisation,
     rate,
@@ -62,7 +64,7 @@ Detector = Callable[[Examination], Iterable[Finding]]
 #: Detectors of findings that need no filter.
 PLAIN: Sequence[Detector] = (
     stamps.find, message_covariances.find, lateness.find, rate.find,
-    saturation.find, frozen.find, quantisation.find,
+    saturation.find, frozen.find, norms.find, gravity.find, quantisation.find,
 )  # fmt: skip
 #: Detectors of findings in the innovations of a filter.
 FITTED: Sequence[Detector] = (
@@ -157,6 +159,7 @@ def diagnose(
     last = len(findings)
     findings += common_noise.clearest(correlated, common_noise.find(case))
     notes += leftover.find(case)
+    findings = noise_levels.withheld(findings, notes)
     ranked = _rank(findings, slice(first, last))
     if proofs:
         progress(f'proofs{_so_far(findings, first)}')
@@ -284,9 +287,17 @@ def _beside(best: Finding, finding: Finding, trials: Trials) -> Finding | None:
 
 def _promised(case: Examination, detectors: Sequence[Detector], dimension: float) -> list[Finding]:
     """Return the findings of detectors with what each promises, the most promising first."""
-    found = (finding for detector in detectors for finding in detector(case))
+    found = (finding for detector in detectors for finding in _found(detector, case))
     promised = (replace(f, gain=f.gain - dimension * f.parameters) for f in found)
     return sorted(promised, key=_gain, reverse=True)
+
+
+def _found(detector: Detector, case: Examination) -> list[Finding]:
+    """Return what a detector finds; none without an inverse takes the others with it."""
+    try:
+        return list(detector(case))
+    except np.linalg.LinAlgError:
+        return []
 
 
 def _try_before(before: Examination, trials: Trials) -> None:
@@ -367,7 +378,7 @@ def _doubted(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
 
 
 def _rank(findings: Sequence[Finding], in_turn: slice = slice(0)) -> tuple[Finding, ...]:
-    """Return findings with their shares: silent sensors first, then by gain.
+    """Return findings with their shares: silent sensors, then plain physics, then by gain.
 
     What explains little comes after facts without a likelihood, such as losses; cautions are last.
     Of findings ``in_turn`` none comes before an earlier one, which was the best one when both were
@@ -383,9 +394,9 @@ def _rank(findings: Sequence[Finding], in_turn: slice = slice(0)) -> tuple[Findi
         for finding in findings
     ]
 
-    def order(index: int) -> tuple[bool, bool, bool, float]:
+    def order(index: int) -> tuple[bool, bool, bool, bool, float]:
         finding = shared[index]
         little = 0.0 < finding.share < _LITTLE
-        return not finding.silent, finding.cautious, little, -weights[index]
+        return not finding.silent, not finding.plain, finding.cautious, little, -weights[index]
 
     return tuple(shared[index] for index in sorted(range(len(shared)), key=order))

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Any, Protocol
 
@@ -44,6 +44,9 @@ class Evidence:
         their names in the file.
     headerless
         Sensors whose messages have no place for a stamp.
+    forces
+        Specific force (3,) at the start, in m/s^2, by the sensor, or the input, whose messages
+        have one, in their axes.
     """
 
     parameters: Mapping[str, Any]
@@ -53,6 +56,7 @@ class Evidence:
     beliefs: Beliefs
     rerun: Rerun
     headerless: frozenset[str] = frozenset()
+    forces: Mapping[str, Array] = field(default_factory=dict)
 
     def with_sensor(self, name: str, record: SensorRecord) -> Evidence:
         """Return the evidence with another record of one sensor."""

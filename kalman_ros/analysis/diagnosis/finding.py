@@ -83,6 +83,8 @@ class Finding:
         Other findings (kind, subject) that explain these data equally well.
     silent
         Whether a sensor has no usable reading, so that no likelihood measures its effect.
+    plain
+        Whether it shows without a filter, and others follow from it.
     dues
         Cost of the correction in -2 log likelihood, in addition to the misfit after it.
     certainty
@@ -127,6 +129,7 @@ class Finding:
     figure: Figure | None = None
     same_as: tuple[tuple[str, str], ...] = ()
     silent: bool = False
+    plain: bool = False
     dues: float = 0.0
     certainty: float = 1.0
     most: float = 1.0

@@ -17,8 +17,9 @@ from .finding import Curve, Figure, Finding
 #: A value is frozen if it is repeated this number of times, and for this time in seconds or, of a
 #: short recording, this share of it, but no less than the last number.
 _REPEATED, _FROZEN, _SHARE, _SHORTEST = 10, 0.5, 0.05, 0.15
-#: Mean of normalised squares up to which readings of zero are those of a body at rest.
-_AGREES = 2.0
+#: Mean of normalised squares up to which readings of zero are those of a body at rest, and what is
+#: as good as zero, in declared standard deviations.
+_AGREES, _NOTHING = 2.0, 1e-6
 
 
 def find(case: Examination) -> list[Finding]:
@@ -33,8 +34,12 @@ def find(case: Examination) -> list[Finding]:
 
 
 def _rests(case: Examination, name: str, record: SensorRecord, rows: Array) -> bool:
-    """Return whether the frozen value is that of a body at rest, and the filter agrees."""
-    if record.value[rows].any():
+    """Return whether the frozen value is that of a body at rest, and the filter agrees.
+
+    It is zero, or what the arithmetic of a driver leaves in its place.
+    """
+    std = np.sqrt(np.median(record.covariance, axis=0).diagonal())
+    if (np.abs(record.value[rows]) > _NOTHING * std).any():
         return False
     at = [event.index for event in case.passage.events_of(name)]
     e = case.passage.whitened_of(name)[np.isin(at, rows)]

@@ -3,18 +3,31 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from scipy.special import bdtrc
 
 from kalman_ros.estimators.outcome import Outcome
 
-from .examination import Examination
+from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
+from .passage import passage
 
 #: Rejected readings are good if their NIS in a pass without the gate has the same distribution as
 #: that of the other readings: its median exceeds the median of all by no more than this factor.
-_GOOD = 15.0
+#: And the other readings fit that pass better than one that lacks the rejected ones, or no worse
+#: and the factor is no more than the second one: bad readings drag a filter to where they fit.
+_GOOD, _ALIKE = 15.0, 4.0
 _REJECTED = (Outcome.REJECTED.name, Outcome.OUTVOTED.name)
+
+
+def _harm(case: Examination, name: str, rejected: Any) -> float:
+    """Return by how much worse the other readings fit where rejected ones are fused, too."""
+    without = passage(case.evidence.without(name, rejected), strict=False).terms
+    terms = case.passage.terms
+    pairs = ((terms[key], without[key]) for key in without if key in terms)
+    return sum(a[0] + a[1] - b[0] - b[1] for a, b in pairs)
 
 
 def find(case: Examination) -> list[Finding]:
@@ -30,7 +43,11 @@ def find(case: Examination) -> list[Finding]:
         squares = case.passage.squares(name)
         at = [event.index for event in case.passage.events_of(name)]
         far = squares[rejected[at]]
-        if not len(far) or np.median(far) > _GOOD * np.median(squares):
+        ratio = np.median(far) / np.median(squares) if len(far) else np.inf
+        if ratio > _GOOD:
+            continue
+        harm = _harm(case, name, rejected)
+        if harm > CHANCE or (harm > -CHANCE and ratio > _ALIKE):
             continue
         times = record.received - case.evidence.start
         change = {f'{name}.gate': 1.0}

@@ -41,6 +41,8 @@ _CLEAR, _MOST = 0.2, 0.8
 _PART, _BEGINNING = 3000, 500
 #: Factors at which the search of a scale begins, and the ratio of its first interval.
 _FACTORS, _RATIO = (-2.0, -1.0, -0.5, 0.5, 2.0), 1.6
+#: Largest relative deviation of a scale: a factor of zero leaves no errors of a sensor, either.
+_KNOWN = 0.2
 #: Times in s at which that of wrong stamps begins.
 _TIMES = (-0.05, 0.05)
 #: Squares of whitened innovations are limited to this multiple of their mean, by the median.
@@ -185,5 +187,6 @@ def _scale(
 
     middle, ratio = log(abs(start)), log(_RATIO)
     near = peak(along, middle - ratio, middle, middle + ratio)
-    factor = sign * exp(near[1])
-    yield scaled(case, name, group, factor, abs(factor) * deviation(along, *near), 0.0)
+    factor, std = sign * exp(near[1]), deviation(along, *near)
+    if std < _KNOWN:
+        yield scaled(case, name, group, factor, abs(factor) * std, 0.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from math import exp
+from math import exp, inf
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,12 @@ _FINER = np.array([-0.6, -0.3, 0.0, 0.3, 0.6])
 _RELEVANT = 1.2
 #: Factors of which the largest is no more than this times the smallest are one factor.
 _ALIKE = 1.1
+#: Findings of errors that are alike from one reading to the next, and what follows.
+_ALIKE_IN_TIME = ('coloured noise', 'random walk', 'drift', 'unexplained')
+_KEEP = (
+    'But its errors are alike in time, which this scatter of single readings does not show: a '
+    'filter with this noise would be surer than it should be. Keep the declared one.'
+)
 #: Largest number of variances that are tried in a round, those with the largest scores.
 _TRIED = 4
 
@@ -99,6 +105,8 @@ def _search_factors(
         logs, best = fine[group], int(np.argmax(gains))
         curvature = np.polyfit(logs, gains, 2)[0]
         spread = float(1.0 / np.sqrt(max(-curvature, 1e-6)))
+        if not _FACTORS[0] + _FINER[0] < logs[best] < _FACTORS[-1] + _FINER[-1]:
+            spread = inf  # it may be beyond all that was tried
         results.append((group, float(logs[best]), float(gains[best]), spread))
     return results
 
@@ -153,11 +161,28 @@ def _joined(evidence: Evidence, changes: Sequence[Finding]) -> Iterator[Finding]
         )  # fmt: skip
 
 
+def withheld(findings: Sequence[Finding], notes: Sequence[Finding]) -> list[Finding]:
+    """Return findings, of which none proposes less noise for errors that are alike in time.
+
+    The scatter from one reading to the next is smaller than such errors.
+    """
+    alike = {each.subject for each in (*findings, *notes) if each.kind in _ALIKE_IN_TIME}
+    sensors = {subject.partition('.')[0] for subject in alike}
+    return [
+        replace(each, change={}, sentence=f'{each.sentence} {_KEEP}')
+        if each.kind == 'noise too large' and each.subject.partition('.')[0] in sensors
+        else each
+        for each in findings
+    ]
+
+
 def _describe(factors: Sequence[float], spread: float) -> tuple[str, str]:
     """Return whether a noise is too small or too large, by factors on one side of 1, and which."""
     way = 'small' if factors[0] > 1.0 else 'large'
     sizes = [factor if way == 'small' else 1.0 / factor for factor in factors]
     size, most = min(sizes), max(sizes)
+    if spread == inf:
+        return way, f'by a factor of at least {size:.3g}'
     if most > _ALIKE * size:
         return way, f'by factors of {size:.3g} to {most:.3g}'
     low, high = size * exp(-min(spread, 3.0)), size * exp(min(spread, 3.0))

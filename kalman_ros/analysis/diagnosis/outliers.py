@@ -54,14 +54,16 @@ def _find_outliers(case: Examination, name: str) -> Finding | None:
         return None
     size = float(np.sqrt(np.median(squares[np.isin(indices, rows)]) / k))
     gate = case.evidence.scenario.sensors[name].gate
-    change = {f'{name}.gate': 0.9999} if gate >= 1.0 else {}
+    change, remedy = {}, 'Its gate is there to reject them.'
+    if gate >= 1.0:
+        change, remedy = {f'{name}.gate': 0.9999}, 'A gate rejects them.'
     runs = runs_of(np.isin(indices, rows))
     together = len(rows) >= _CLUSTERED * runs
     course = f', in {runs} stretch{"es" if runs > 1 else ""}' if together else ''
     return Finding(
         'disturbed' if together else 'outliers', name,
         f'{len(rows)} of {len(events)} readings of {name} ({100.0 * share:.2g} %) are outliers'
-        f'{course}, about {size:.2g} standard deviations off. A gate rejects them.',
+        f'{course}, about {size:.2g} standard deviations off. {remedy}',
         gain**0.5, change, gain=gain, figure=_picture(case, name, events, squares, limit),
         mended=lambda: case.evidence.without(name, rows),
     )  # fmt: skip

@@ -16,6 +16,9 @@ from .finding import Curve, Figure, Finding
 
 #: Smallest share of losses, and smallest relative difference of rates, that is a finding.
 _LOST, _DIFFERENT = 0.01, 0.1
+#: More missing readings in a row are a burst; a source of which more than this share is missing,
+#: and in bursts, reads now and then.
+_BURST, _SELDOM = 3, 0.5
 
 
 def find(case: Examination) -> list[Finding]:
@@ -62,28 +65,34 @@ def _find_losses(
     if len(gaps) < 5:
         return
     gap = period(gaps)
-    if abs(gap * declared - 1.0) > _DIFFERENT:
+    missing = np.round(gaps / gap).astype(int) - 1
+    # intervals that jitter are short or long, and nothing is lost
+    schedule = [round(np.ptp(stamps) / each) - len(gaps) for each in (gap, np.median(gaps))]
+    lost = min(int(missing[missing > 0].sum()), *schedule)
+    share = lost / (lost + len(stamps))
+    seldom = bool(share > _SELDOM and missing.max() > _BURST)
+    if abs(gap * declared - 1.0) > _DIFFERENT and not seldom:
         yield Finding(
             'rate', name,
             f'{name} is read {1.0 / gap:.4g} times a second, where {name}.rate is {declared:g}.',
             inf, {f'{name}.rate': float(f'{1.0 / gap:.3g}')}, note=not is_declared,
         )  # fmt: skip
-    missing = np.round(gaps / gap).astype(int) - 1
-    lost = int(missing[missing > 0].sum())
-    share = lost / (lost + len(stamps))
     if share < _LOST:
         return
     length = float(missing[missing > 0].mean())
-    burst = length > 2.0 / (1.0 - share) and missing.max() > 3
+    burst = length > 2.0 / (1.0 - share) and missing.max() > _BURST
     figure = Figure(
         f'{name}: time between readings', 'time [s]', 'gap [s]',
         (Curve('gap', stamps[1:] - stamps[0], gaps, 'dots'),),
     )  # fmt: skip
+    remedy = 'Look at its queue and its quality of service.'
+    if seldom:
+        remedy = 'It seems to read something that it sees now and then.'
+    elif burst:
+        remedy = 'Look at its link: wireless, a full queue, or a driver that stalls.'
     yield Finding(
         'losses in bursts' if burst else 'losses', name,
-        f'{100.0 * share:.2g} % of the readings of {name} are missing, '
-        f'{length:.2g} in a row on average, the longest gap {gaps.max():.3g} s. '
-        + ('Look at its link: wireless, a full queue, or a driver that stalls.' if burst else
-           'Look at its queue and its quality of service.'),
-        inf, figure=figure,
+        f'{100.0 * share:.2g} % of the readings of {name} are missing, {length:.2g} in a row on '
+        f'average, the longest gap {gaps.max():.3g} s. {remedy}',
+        inf, figure=figure, note=seldom,
     )  # fmt: skip

@@ -33,8 +33,9 @@ _FEW = 4
 _CLOSE = 0.4
 #: How many stretches that gain too little are skipped.
 _MISSES = 3
-#: Share of the information that is added, so that what shows in nothing has an inverse.
-_LEAST = 1e-9
+#: Share of the information that is added, so that what shows in nothing has an inverse, and share
+#: of sums that is lost by their difference.
+_LEAST, _ROUNDING = 1e-9, 1e-14
 #: Normalised squares are limited to this, so that single outliers make no stretch.
 _OUTLYING = 50.0
 
@@ -104,9 +105,11 @@ class Pieces:
         i, j = i[inside], j[inside]
         if not len(i):
             return None
-        known = blocks[i, i] + blocks[j, j] - blocks[i, j] - blocks[j, i]
-        sizes = np.trace(known, axis1=1, axis2=2)[:, None, None]
-        known += (_LEAST * sizes + 1e-300) * np.eye(k)
+        both = blocks[i, i] + blocks[j, j]
+        known = both - blocks[i, j] - blocks[j, i]
+        # what is left of large sums may be their rounding alone
+        least = _LEAST * np.abs(_traces(known)) + _ROUNDING * _traces(both) + 1e-300
+        known += least[:, None, None] * np.eye(k)
         g = sums[j] - sums[i]
         gains = np.einsum('pi,pi->p', g, np.linalg.solve(known, g[:, :, None])[:, :, 0])
         best = int(np.argmax(gains))
@@ -128,6 +131,10 @@ class Pieces:
         begin, end = np.transpose(offsets.stretches)
         rows = self._rows[:, :, end] - self._rows[:, :, begin]
         return np.asarray(self.gradient - np.einsum('bisj,sj->bi', rows, offsets.size))
+
+
+def _traces(matrices: Array) -> Array:
+    return np.asarray(np.trace(matrices, axis1=1, axis2=2))
 
 
 def several(pieces: Pieces, cost: float) -> Offsets | None:

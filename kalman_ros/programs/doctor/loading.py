@@ -3,21 +3,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from itertools import islice
 from math import inf
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from kalman_ros import models
 from kalman_ros.analysis.checks import Check
 from kalman_ros.analysis.diagnosis.evidence import Evidence, changed
 from kalman_ros.analysis.records import SensorRecord
+from kalman_ros.bags.feed import resolver
 from kalman_ros.bags.reading import Bag
 from kalman_ros.bags.replay import estimator_settings, replay_bag
-from kalman_ros.codecs.messages import has_header
+from kalman_ros.codecs.messages import (
+    UndecodableError,
+    decode,
+    full_type,
+    has_header,
+    message_type,
+)
+from kalman_ros.core import Array
 from kalman_ros.programs.replay.statistics import checks
-from kalman_ros.scenario import shipped
+from kalman_ros.scenario import Scenario, shipped
 from kalman_ros.scenario.parameter_files import from_file
+
+_IMU = 'sensor_msgs/Imu'
+#: Number of first messages of an IMU by which its attitude is judged.
+_FIRST = 50
 
 
 def load(
@@ -70,6 +86,25 @@ def replayed(
         for name, source in result.scenario.sensors.items()
         if not has_header(source.signal.type)
     )
+    forces = dict(_forces(bag, result.scenario, start))
     return Evidence(
-        parameters, result.scenario, sensors, result.inputs, result.beliefs, again, headerless
-    )
+        parameters, result.scenario, sensors, result.inputs, result.beliefs, again, headerless,
+        forces,
+    )  # fmt: skip
+
+
+def _forces(bag: Bag, scenario: Scenario, start: float) -> Iterator[tuple[str, Array]]:
+    """Yield each sensor of an IMU, and the input, with the force that it reads at first."""
+    signals = {name: source.signal for name, source in scenario.enabled.items()}
+    for name, signal in {**signals, 'input': scenario.input}.items():
+        topic = resolver('/')(signal.topic)
+        if signal.type != _IMU or bag.topics.get(topic) != {full_type(_IMU)}:
+            continue
+        read = []
+        for message in islice(bag.messages([topic], bag.start + round(start * 1e9)), _FIRST):
+            with suppress(UndecodableError):
+                force = decode(message.data, message_type(_IMU)).linear_acceleration
+                read.append((force.x, force.y, force.z))
+        finite = [each for each in read if np.isfinite(each).all()]
+        if finite:
+            yield name, np.median(finite, axis=0)

@@ -22,6 +22,7 @@ from kalman_ros.bags.replayed import Replayed, SensorReplay
 from kalman_ros.core import Array
 from kalman_ros.pipeline.fusion import policy as policy_of
 from kalman_ros.scenario import shipped
+from kalman_ros.scenario.estimation import by_innovation
 from kalman_ros.scenario.idle import idle_input
 from kalman_ros.scenario.parameter_files import from_file
 
@@ -78,7 +79,7 @@ def load(
             f'parameters to, got {observations.count}'
         )
     options = settings.in_lockstep(replayed.lockstep).options
-    policy = policy_of(settings.scenario, options)
+    policy = by_innovation(settings.scenario, policy_of(settings.scenario, options))
     conditions = Conditions(policy, idle_input(settings.scenario.model, options.idle_input))
     until = observations.until(1.0 - hold_out) if hold_out else None
     likelihood = Likelihood(chosen, named.candidate, observations, conditions, until)
