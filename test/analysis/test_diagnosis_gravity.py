@@ -23,11 +23,13 @@ def lying(force, name='imu', scenario='diff_drive', **changes):
         scenario=build(parameters, with_law=False),
         forces={name: np.array(force)},
         rerun=lambda change: asked.append(change) or 'replayed',
+        adopting=lambda change: build({**parameters, **change}, with_law=False),
     )
     found = list(gravity.find(SimpleNamespace(evidence=evidence)))
     for finding in found:
         assert finding.plain and finding.kind == 'rotated' and finding.subject == name
-        assert finding.mended() == 'replayed' and asked == [finding.change]
+        if finding.change:
+            assert finding.mended() == 'replayed' and asked == [finding.change]
     return found
 
 
@@ -55,6 +57,26 @@ def test_an_imu_on_its_side_is_turned_upright(force):
 )
 def test_no_side_is_seen_where_none_is_sure(force):
     assert not lying(force)
+
+
+def test_fields_that_no_mounting_turns_have_no_lines_to_change(monkeypatch):
+    real = gravity._turned
+
+    def refusing(case, *args):
+        def adopting(change):
+            raise ValueError('mount.rotation: these fields have no axes')
+
+        case.evidence.adopting = adopting
+        return real(case, *args)
+
+    monkeypatch.setattr(gravity, '_turned', refusing)
+    (finding,) = lying((0.0, 9.8, 0.0))
+    assert not finding.change and finding.mended is None
+
+
+def test_readings_that_are_no_numbers_have_no_size(flight):
+    value = np.full_like(flight.sensors['magnetometer'].value, np.nan)
+    assert not units_of(flight.with_values('magnetometer', value))
 
 
 def test_a_robot_in_space_starts_as_it_believes():

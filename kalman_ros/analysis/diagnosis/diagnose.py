@@ -250,7 +250,8 @@ def _find_hidden(
     case: Examination, best: tuple[Finding, Examination] | None
 ) -> tuple[Finding, Examination] | None:
     """Return the cause that generous noise hides, or the best one so far if there is none."""
-    hidden = generous.find(case, () if best is None else (best[0],))
+    tried = [] if best is None or best[0].mended is None else [best[0]]
+    hidden = generous.find(case, tried)
     if hidden is None or hidden.mended is None or (best is not None and same(hidden, best[0])):
         return best
     return hidden, Examination(hidden.mended())

@@ -71,6 +71,10 @@ def _turned(case: Examination, name: str, force: Array, mount: Array, angle: flo
     evidence, option = case.evidence, f'{name}.mount.rotation'
     angles = [round(float(each), 3) for each in rotations.to_euler(mount)]
     change = {option: angles}
+    try:
+        evidence.adopting(change)
+    except ValueError:  # its fields have no axes
+        change = {}
     main = int(np.argmax(np.abs(force)))
     words = ', '.join(f'{each:.3g}' for each in force.tolist())
     side = 'up' if force[main] > 0.0 else 'down'
@@ -80,5 +84,5 @@ def _turned(case: Examination, name: str, force: Array, mount: Array, angle: flo
         f'{_AXES[main]} looks {side}, {degrees(angle):.3g} deg off the vertical of the first '
         f'belief. {option}: {angles} turns it upright; how it is turned about the vertical, '
         'gravity does not show.',
-        inf, change, plain=True, mended=lambda: evidence.rerun(change),
+        inf, change, plain=True, mended=(lambda: evidence.rerun(change)) if change else None,
     )  # fmt: skip

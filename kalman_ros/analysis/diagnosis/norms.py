@@ -105,8 +105,10 @@ def _size(vectors: Array) -> float:
 
 def _factor(space: Space, group: Sequence[int], expected: float, read: Array) -> float | None:
     """Return the factor of a unit by which vectors (N, 3) have the expected size."""
-    size = float(np.nanmedian(np.linalg.norm(read, axis=1)))
-    if not expected or not size or not np.isfinite(size):
+    sizes = np.linalg.norm(read, axis=1)
+    sizes = sizes[np.isfinite(sizes)]
+    size = float(np.median(sizes)) if len(sizes) else 0.0
+    if not expected or not size:
         return None
     ratio = log(expected / size)
     near = min(conversions(space, tuple(group)), key=lambda factor: abs(log(factor) - ratio))

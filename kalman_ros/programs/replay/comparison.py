@@ -125,7 +125,8 @@ def sentences(run: Replayed, found: Comparison) -> Iterator[str]:
     ours = run.poses()
     few = ', which takes two poses' if len(found.other.time) < 2 else ''
     if ours is None:
-        yield f'There are no estimates with a pose to compare with {found.topic}.'
+        other = found.topic or 'the truth'
+        yield f'There are no estimates with a pose to compare with {other}.'
         return
     if found.apart is not None:
         yield _parting(run, found, found.apart, ours)
