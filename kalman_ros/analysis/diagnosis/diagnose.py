@@ -61,10 +61,10 @@ from .trials import TIED, Trials, same
 
 Detector = Callable[[Examination], Iterable[Finding]]
 
-#: Detectors of findings that need no filter.
+#: Detectors of findings that need no filter; the first one replays the recording.
 PLAIN: Sequence[Detector] = (
-    stamps.find, message_covariances.find, lateness.find, rate.find,
-    saturation.find, frozen.find, norms.find, gravity.find, quantisation.find,
+    gravity.find, stamps.find, message_covariances.find, lateness.find, rate.find,
+    saturation.find, frozen.find, norms.find, quantisation.find,
 )  # fmt: skip
 #: Detectors of findings in the innovations of a filter.
 FITTED: Sequence[Detector] = (

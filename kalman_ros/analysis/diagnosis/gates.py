@@ -12,7 +12,7 @@ from kalman_ros.estimators.outcome import Outcome
 
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
-from .passage import passage
+from .passage import explained_in_both, passage
 
 #: Rejected readings are good if their NIS in a pass without the gate has the same distribution as
 #: that of the other readings: its median exceeds the median of all by no more than this factor.
@@ -24,10 +24,8 @@ _REJECTED = (Outcome.REJECTED.name, Outcome.OUTVOTED.name)
 
 def _harm(case: Examination, name: str, rejected: Any) -> float:
     """Return by how much worse the other readings fit where rejected ones are fused, too."""
-    without = passage(case.evidence.without(name, rejected), strict=False).terms
-    terms = case.passage.terms
-    pairs = ((terms[key], without[key]) for key in without if key in terms)
-    return sum(a[0] + a[1] - b[0] - b[1] for a, b in pairs)
+    without = passage(case.evidence.without(name, rejected), strict=False)
+    return explained_in_both(case.passage, without)
 
 
 def find(case: Examination) -> list[Finding]:

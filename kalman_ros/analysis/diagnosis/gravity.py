@@ -59,11 +59,9 @@ def _vertical(case: Examination) -> Array | None:
 
 def _shortest(read: Array, vertical: Array) -> Array:
     """Return the smallest rotation (3, 3) of one direction (3,) onto another."""
-    axis, cosine = np.cross(read, vertical), float(read @ vertical)
-    size = float(np.linalg.norm(axis))
-    if size < 1e-9:  # upside down, about x
-        axis, size = np.array([1.0, 0.0, 0.0]), 1.0
-    return np.asarray(rotations.exp(acos(np.clip(cosine, -1.0, 1.0)) * axis / size))
+    axis = np.cross(read, vertical)
+    angle = acos(float(np.clip(read @ vertical, -1.0, 1.0)))
+    return np.asarray(rotations.exp(angle * axis / np.linalg.norm(axis)))
 
 
 def _turned(case: Examination, name: str, force: Array, mount: Array, angle: float) -> Finding:

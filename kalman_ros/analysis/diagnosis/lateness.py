@@ -16,7 +16,7 @@ from kalman_ros.estimators.outcome import Outcome
 from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Finding
-from .passage import Passage, passage
+from .passage import Passage, explained_in_both, passage
 from .peak import deviation, peak
 from .responses import Fit
 from .stamps import latency, picture, slope
@@ -105,17 +105,10 @@ def _by_passes(case: Examination) -> Iterator[Finding]:
         fit, count = case.responses.first('stamp', name), len(case.passage.of(name))
         least = min(max(case.evidence.duration / max(count, 1), _STEP[0]), _STEP[1])
         if fit is not None and count >= _FEWEST and not 0.0 < fit.std[0] <= least:
-            search = TimeSearch(case, name, _explained)
+            search = TimeSearch(case, name, explained_in_both)
             tau = max((-least, least), key=search.gain)
             if search.gain(tau) > _PROMISING:
                 yield search.from_time(tau)
-
-
-def _explained(before: Passage, after: Passage) -> float:
-    """Return the reduction of the misfit of the readings that are in both passes."""
-    old, new = before.terms, after.terms
-    pairs = ((old[key], new[key]) for key in old if key in new)
-    return sum(a[0] + a[1] - b[0] - b[1] for a, b in pairs)
 
 
 class TimeSearch:

@@ -392,6 +392,13 @@ def usable(record: SensorRecord) -> Any:
     return finite & sound & (lowest > 0.0)
 
 
+def explained_in_both(before: Passage, after: Passage) -> float:
+    """Return the reduction of the misfit of the readings that are in both passes."""
+    old, new = before.terms, after.terms
+    pairs = ((old[key], new[key]) for key in old if key in new)
+    return sum(a[0] + a[1] - b[0] - b[1] for a, b in pairs)
+
+
 def explained(before: Passage, after: Passage) -> float:
     """Return the reduction of the misfit by a correction.
 
