@@ -127,6 +127,18 @@ def test_the_doctor_names_it_first(robot):
     assert any(finding.kind == 'noise too large' for finding in found)
 
 
+def test_quarter_turns_are_those_of_vectors(robot):
+    assert not list(generous._quarter_turns(Examination(robot), 'odometry'))  # m/s and rad/s
+    space = recorded('robot_3d', None, 2.0, 3)
+    found = list(generous._quarter_turns(Examination(space), 'odometry'))
+    value = space.sensors['odometry'].value
+    turns = {np.round(each.mended().sensors['odometry'].value[5], 9).tobytes() for each in found}
+    assert len(found) == len(turns) == 9 and {each.kind for each in found} == {'rotated'}
+    for each in found:
+        after = each.mended().sensors['odometry'].value
+        np.testing.assert_allclose(np.linalg.norm(after, axis=1), np.linalg.norm(value, axis=1))
+
+
 def test_a_sensor_that_reads_nothing_and_is_believed_is_unrelated():
     evidence = recorded('diff_drive', None, 30.0, 3)
     nothing = 0.01 * np.random.default_rng(1).normal(size=(len(evidence.sensors['imu']), 1))

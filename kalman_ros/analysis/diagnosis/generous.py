@@ -15,18 +15,19 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import cache
 from itertools import permutations
-from math import exp, inf, log
+from math import exp, inf, log, pi
 
 import numpy as np
 
-from kalman_ros.core import Array
+from kalman_ros.core import Array, rotations
+from kalman_ros.sensors.landmarks import Landmarks
 
 from . import input_axes
 from .evidence import Evidence
 from .examination import Examination
 from .finding import Finding
 from .lateness import TimeSearch
-from .mounting import axes_exchanged
+from .mounting import axes_exchanged, turned, vectors
 from .passage import DROPPED, Passage, passage
 from .peak import deviation, peak
 from .trials import certainty, same
@@ -43,6 +44,10 @@ _PART, _BEGINNING = 3000, 500
 _FACTORS, _RATIO = (-2.0, -1.0, -0.5, 0.5, 2.0), 1.6
 #: Largest relative deviation of a scale: a factor of zero leaves no errors of a sensor, either.
 _KNOWN = 0.2
+#: Rotations by one to three quarter turns about each axis, the first ones about z.
+_QUARTERS = [
+    rotations.exp(quarters * 0.5 * pi * axis) for axis in np.eye(3)[::-1] for quarters in (1, 2, 3)
+]
 #: Times in s at which that of wrong stamps begins.
 _TIMES = (-0.05, 0.05)
 #: Squares of whitened innovations are limited to this multiple of their mean, by the median.
@@ -145,7 +150,7 @@ def _mean_squares(whitened: Array) -> Array:
 
 
 def _candidates(case: Examination, errors: _Errors) -> Iterator[Finding]:
-    """Yield scales, signs, exchanges, times and rotations that passes find."""
+    """Yield scales, signs, exchanges, quarter turns and times, and rotations of the input."""
     for name in case.judged:
         space = case.evidence.scenario.sensors[name].sensor.output
         for group in groups(space):
@@ -153,9 +158,19 @@ def _candidates(case: Examination, errors: _Errors) -> Iterator[Finding]:
         for order in permutations(range(space.size)) if len(set(space.units)) == 1 else ():
             if space.size in (2, 3) and order != tuple(range(space.size)):
                 yield axes_exchanged(case, name, order, 0.0)
+        yield from _quarter_turns(case, name)
         yield from _time(case, name)
     until = case.passage.first(_BEGINNING).events[-1].time
     yield from input_axes.by_passes(case, until, misfit)
+
+
+def _quarter_turns(case: Examination, name: str) -> Iterator[Finding]:
+    sensor = case.evidence.scenario.sensors[name].sensor
+    # ranges of several landmarks are no axes
+    for group in () if isinstance(sensor, Landmarks) else vectors(sensor.output):
+        size = len(group)
+        for turn in _QUARTERS if size == 3 else _QUARTERS[:3]:
+            yield turned(case, name, group, turn[:size, :size], 0.0, '')
 
 
 def _time(case: Examination, name: str) -> Iterator[Finding]:
