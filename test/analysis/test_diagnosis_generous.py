@@ -13,6 +13,7 @@ from kalman_ros.analysis.diagnosis.diagnose import diagnose
 from kalman_ros.analysis.diagnosis.examination import Examination
 from kalman_ros.analysis.diagnosis.passage import DROPPED, Passage
 from kalman_ros.analysis.diagnosis.peak import deviation, peak
+from kalman_ros.core import Space
 
 
 @pytest.fixture(scope='module', autouse=True)
@@ -137,6 +138,21 @@ def test_quarter_turns_are_those_of_vectors(robot):
     for each in found:
         after = each.mended().sensors['odometry'].value
         np.testing.assert_allclose(np.linalg.norm(after, axis=1), np.linalg.norm(value, axis=1))
+
+
+def test_many_coordinates_of_one_unit_are_not_permuted(monkeypatch):
+    """Twelve joints have 479,001,600 orders."""
+    joints = SimpleNamespace(output=Space(tuple('abcdefghijkl'), ('rad',) * 12))
+    scenario = SimpleNamespace(sensors={'joints': SimpleNamespace(sensor=joints)})
+    case = SimpleNamespace(
+        judged=['joints'], evidence=SimpleNamespace(scenario=scenario),
+        passage=passage(np.zeros((3, 12))),
+    )  # fmt: skip
+    for name in ('_scale', '_time', '_quarter_turns'):
+        monkeypatch.setattr(generous, name, lambda *_: [])
+    monkeypatch.setattr(generous.input_axes, 'by_passes', lambda *_: [])
+    case.passage.events[-1].time = 0.0
+    assert not list(generous._candidates(case, None))
 
 
 def test_a_sensor_that_reads_nothing_and_is_believed_is_unrelated():

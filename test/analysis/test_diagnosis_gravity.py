@@ -59,6 +59,11 @@ def test_no_side_is_seen_where_none_is_sure(force):
     assert not lying(force)
 
 
+@pytest.mark.parametrize('scenario', ['dc_motor', 'cart_pole'])
+def test_an_instrument_on_a_pendulum_may_read_gravity_anywhere(scenario):
+    assert not lying((0.0, 9.8, 0.0), name='input', scenario=scenario)
+
+
 def test_fields_that_no_mounting_turns_have_no_lines_to_change(monkeypatch):
     real = gravity._turned
 

@@ -67,11 +67,11 @@ def find(case: Examination, tried: Iterable[Finding]) -> Finding | None:
     if not _is_generous(case.passage):
         return None
     errors = _Errors(case)
-    found = [errors.judged(each) for each in (*tried, *_candidates(case, errors))]
-    best = max(found, key=lambda each: each.gain, default=None)
+    causes = [errors.judged(cause) for cause in (*tried, *_candidates(case, errors))]
+    best = max(causes, key=lambda cause: cause.gain, default=None)
     if best is None or best.gain < _CLEAR * errors.values:
         return None
-    rivals = [each.gain for each in found if not same(each, best)]
+    rivals = [cause.gain for cause in causes if not same(cause, best)]
     ratio = len(case.passage.events) / errors.events
     return replace(
         best, gain=ratio * best.gain, z=(ratio * best.gain) ** 0.5, is_exact=True,
@@ -155,8 +155,8 @@ def _candidates(case: Examination, errors: _Errors) -> Iterator[Finding]:
         space = case.evidence.scenario.sensors[name].sensor.output
         for group in groups(space):
             yield from _scale(case, errors, name, group)
-        for order in permutations(range(space.size)) if len(set(space.units)) == 1 else ():
-            if space.size in (2, 3) and order != tuple(range(space.size)):
+        if space.size in (2, 3) and len(set(space.units)) == 1:
+            for order in [*permutations(range(space.size))][1:]:  # the first one is as it is
                 yield axes_exchanged(case, name, order, 0.0)
         yield from _quarter_turns(case, name)
         yield from _time(case, name)

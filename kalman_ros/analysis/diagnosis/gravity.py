@@ -9,6 +9,7 @@ from math import acos, degrees, inf, radians
 import numpy as np
 
 from kalman_ros.core import Array, rotations
+from kalman_ros.scenario.body_roles import body_of
 
 from .examination import Examination
 from .finding import Finding
@@ -20,14 +21,13 @@ _GRAVITY, _DIFFERENT = 9.80665, 0.15
 #: no slope, and beyond the second one the accelerometer may have the other sign. And the deviation
 #: of that belief beyond which any attitude is expected.
 _FAR, _OPPOSITE, _UNKNOWN = radians(35.0), radians(145.0), 0.5
-_AXES = ('x', 'y', 'z')
+_AXES, _LEANING = ('x', 'y', 'z'), ('rx', 'ry', 'roll', 'pitch')
 
 
 def find(case: Examination) -> Iterator[Finding]:
     """Yield the instruments of which gravity shows that they are turned.
 
-    At rest an accelerometer reads gravity upwards. A body of which the attitude is no state is
-    upright.
+    At rest an accelerometer reads gravity upwards. A robot in the plane is upright.
     """
     vertical = _vertical(case)
     if vertical is None:
@@ -47,14 +47,12 @@ def find(case: Examination) -> Iterator[Finding]:
 def _vertical(case: Examination) -> Array | None:
     """Return the vertical in the axes of the body, by the first belief; None if it is unknown."""
     scenario = case.evidence.scenario
-    space, first = scenario.model.state, scenario.initial_belief
-    up = np.array([0.0, 0.0, 1.0])
-    for names in space.rotations[:1]:
-        turn = space.rotation(names)
-        if first.std[turn][:2].max() > _UNKNOWN:
-            return None
-        up = rotations.exp(first.mean[turn]).T @ up
-    return up
+    body, first = body_of(scenario.model.state, scenario.state), scenario.initial_belief
+    leaning = [index for role, index in body.index.items() if role in _LEANING]
+    # a pendulum is no robot that moves upright
+    if not (body.moves and body.turns) or first.std[leaning].max(initial=0.0) > _UNKNOWN:
+        return None
+    return np.asarray(rotations.exp(body.attitude(first.mean))[2])
 
 
 def _shortest(read: Array, vertical: Array) -> Array:

@@ -28,7 +28,7 @@ _HARMLESS = 0.02
 _EARLIEST, _LATEST, _SHARE = 0.002, 1.0, 0.1
 #: Fewest readings of which the times are tried, the least time, and what it has to explain.
 _FEWEST, _STEP, _PROMISING = 20, (0.01, 0.05), 10.0
-#: Of how many readings times are tried.
+#: Number of readings on which times are tried.
 _PART = 3000
 
 
