@@ -155,6 +155,11 @@ def test_many_coordinates_of_one_unit_are_not_permuted(monkeypatch):
     assert not list(generous._candidates(case, None))
 
 
+def test_a_scale_without_a_peak_is_none(robot):
+    errors = SimpleNamespace(gain=lambda evidence: 50.0, count=lambda name: 100)
+    assert not list(generous._scale(Examination(robot), errors, 'imu', (0,)))
+
+
 def test_a_sensor_that_reads_nothing_and_is_believed_is_unrelated():
     evidence = recorded('diff_drive', None, 30.0, 3)
     nothing = 0.01 * np.random.default_rng(1).normal(size=(len(evidence.sensors['imu']), 1))

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from tools.doctor_score.recordings import recorded
 
-from kalman_ros.analysis.diagnosis import gravity, norms
+from kalman_ros.analysis.diagnosis import diagnose, gravity, norms
+from kalman_ros.analysis.diagnosis.finding import Finding
 from kalman_ros.core import rotations
 from kalman_ros.scenario import build, shipped
 from kalman_ros.scenario.parameter_files import from_file
 
-ROLLED = np.pi / 2.0
+ROLLED = np.pi / 3.0
 
 
 def lying(force, name='imu', scenario='diff_drive', **changes):
@@ -43,6 +44,26 @@ def test_an_imu_on_its_side_is_turned_upright(force):
     way = 'up' if max(force, key=abs) > 0.0 else 'down'
     assert f'Its {main} looks {way}' in finding.sentence
     assert not lying(force, **finding.change)  # as it is known to be mounted
+    (finding,) = lying(force, **{'imu.mount.rotation': [0.0, 0.0, 1.0]})
+    turn = rotations.exp(rotations.from_euler(np.array(finding.change['imu.mount.rotation'])))
+    np.testing.assert_allclose(turn @ force, [0.0, 0.0, size], atol=2e-3 * size)
+
+
+def test_plain_physics_comes_before_larger_gains():
+    plain = Finding('rotated', 'imu', 'it lies.', np.inf, plain=True)
+    large = Finding('noise too small', 'imu', 'it is noisy.', 9.0, gain=1e6)
+    silent = Finding('no readings', 'gnss', 'none.', np.inf, silent=True)
+    kinds = [each.kind for each in diagnose._rank([large, plain, silent])]
+    assert kinds == ['no readings', 'rotated', 'noise too small']
+
+
+def test_a_detector_without_an_inverse_takes_no_other_with_it():
+    def failing(case):
+        raise np.linalg.LinAlgError('Singular matrix')
+
+    found = Finding('bias', 'gnss', 'it is off.', 9.0, gain=100.0)
+    (kept,) = diagnose._promised(None, [failing, lambda case: [found]], 2.0)
+    assert kept.kind == 'bias' and kept.gain == 98.0
 
 
 @pytest.mark.parametrize(
@@ -88,7 +109,7 @@ def test_a_robot_in_space_starts_as_it_believes():
     first = from_file(shipped.file('robot_3d'), 'estimator')['initial_estimate']
     rolled = [*first[:3], ROLLED, 0.0, 0.0, *first[6:]]
     leaning = {'scenario': 'robot_3d', 'initial_estimate': rolled}
-    assert not lying((0.0, 9.8, 0.0), **leaning)
+    assert not lying(9.8 * np.array([0.0, np.sin(ROLLED), np.cos(ROLLED)]), **leaning)
     (finding,) = lying((0.0, 0.0, 9.8), **leaning)
     assert abs(finding.change['imu.mount.rotation'][0]) == pytest.approx(ROLLED, abs=2e-3)
     anywhere = [0.5] * 3 + [0.6] * 2 + [0.1] * 10

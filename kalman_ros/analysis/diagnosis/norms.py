@@ -25,8 +25,8 @@ from .units import conversions, label_of, mixed, mixing, scaling
 #: Number of attitudes that are tried, share by which the size may change among them, and by which
 #: an axis has to.
 _ATTITUDES, _SAME, _DIFFERENT = 20, 0.01, 0.2
-#: A unit has to be nearer than the first factor, and differ by more than the second one.
-_NEAR, _FAR = 1.3, 2.0
+#: A unit has to be nearer than this factor; none is as near to 1.
+_NEAR = 1.3
 _ACCELERATION = 'm/s^2'
 
 
@@ -112,4 +112,4 @@ def _factor(space: Space, group: Sequence[int], expected: float, read: Array) ->
         return None
     ratio = log(expected / size)
     near = min(conversions(space, tuple(group)), key=lambda factor: abs(log(factor) - ratio))
-    return near if abs(log(near) - ratio) < log(_NEAR) and abs(ratio) > log(_FAR) else None
+    return near if abs(log(near) - ratio) < log(_NEAR) else None
