@@ -86,10 +86,8 @@ class Tuning(KnownNames):
         rows = []
         for name, each in self.parameters.items():
             label = f'{name} [{each.unit}]' if each.unit else name
-            known = each.determined
-            interval = f'{each.low:.4g} to {each.high:.4g}' if known else 'not determined'
-            rows.append([label, f'{each.start:.4g}', f'{each.value:.4g}' if known else '',
-                         interval])  # fmt: skip
+            value = f'{each.value:.4g}' if each.interval else ''
+            rows.append([label, f'{each.start:.4g}', value, each.interval or 'not determined'])
         lines += text.table(['', 'start', 'fitted', '95 % interval'], rows)
         for name, reason in self.undetermined.items():
             lines += text.sentence(f'{name}: {reason}')

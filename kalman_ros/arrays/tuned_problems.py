@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.analysis.tuning.candidate import Candidate
-from kalman_ros.analysis.tuning.free_parameter import FreeParameter
-from kalman_ros.analysis.tuning.named_parameters import LONGEST_DELAY, NamedParameters
+from kalman_ros.analysis.tuning.free_parameter import FreeParameter, delay_parameter
+from kalman_ros.analysis.tuning.named_parameters import NamedParameters
 from kalman_ros.compiled.parts import parts
 from kalman_ros.core import Space, TimedSensor, refuse_unknown
 from kalman_ros.estimators import build_filter, default_filter
@@ -111,10 +111,7 @@ class FunctionProblem:
                 size = float(np.sqrt(R[index, index]))
                 unit = output.units[index]
                 self.parameters.append(FreeParameter(label, 0.0, scale=size, unit=unit))
-        reach = -LONGEST_DELAY, LONGEST_DELAY
-        self.parameters += [
-            FreeParameter(f'{name}.delay', 0.0, *reach, scale=0.01, unit='s') for name in delays
-        ]
+        self.parameters += [delay_parameter(name, 0.0, 0.01) for name in delays]
 
     def task(self) -> Task:
         """Return the model, sensors and belief at the start."""

@@ -93,7 +93,8 @@ def test_a_step_ends_at_a_limit_and_does_not_leave_it():
     # the other one is at the best value beside it
     assert end.top.gradient[1] == pytest.approx(0.0, abs=1e-5)
     likelihood = limited(low=0.0, high=0.2)
-    step, _ = ascent._step(likelihood, likelihood.expand(np.array([0.3, 0.0])), INFORMATION, 1e-6)
+    start = likelihood.expand(np.array([0.3, 0.0]))
+    step, _ = ascent.scoring_step(likelihood, start, INFORMATION, 1e-6)
     assert step[0] == pytest.approx(high - 0.3)
 
 
@@ -101,11 +102,11 @@ def test_a_step_ends_at_a_limit_and_does_not_leave_it():
 def test_a_step_is_no_longer_than_its_scale_allows(positive, longest):
     free = [FreeParameter('a', 1.0, positive=positive), FREE[1]]
     far = Parabola(parameters=free, top=np.array([100.0, -0.25]))
-    step, gain = ascent._step(far, far.expand(np.zeros(2)), INFORMATION, 1e-6)
+    step, gain = ascent.scoring_step(far, far.expand(np.zeros(2)), INFORMATION, 1e-6)
     assert step[0] == pytest.approx(longest)
     assert gain == pytest.approx(0.5 * far.expand(np.zeros(2)).gradient @ step)
     near = Parabola(parameters=free)
-    step, gain = ascent._step(near, near.expand(np.zeros(2)), INFORMATION, 1e-6)
+    step, gain = ascent.scoring_step(near, near.expand(np.zeros(2)), INFORMATION, 1e-6)
     np.testing.assert_allclose(step, TOP, rtol=1e-4)
     assert gain == pytest.approx(-near.value(np.zeros(2)), rel=1e-4)
 
@@ -114,9 +115,9 @@ def test_a_step_is_no_longer_than_its_scale_allows(positive, longest):
 def test_what_the_data_do_not_show_is_not_moved(information, moves):
     likelihood = Parabola()
     J = np.diag([information, 4.0])
-    step, _ = ascent._step(likelihood, likelihood.expand(np.array([0.0, 1.0])), J, 1e-6)
+    step, _ = ascent.scoring_step(likelihood, likelihood.expand(np.array([0.0, 1.0])), J, 1e-6)
     assert bool(step[0]) is moves and step[1] != 0.0
-    blind, gain = ascent._step(likelihood, likelihood.expand(np.zeros(2)), 0.0 * J, 1e-6)
+    blind, gain = ascent.scoring_step(likelihood, likelihood.expand(np.zeros(2)), 0.0 * J, 1e-6)
     assert not blind.any() and gain == 0.0
 
 
@@ -142,12 +143,13 @@ def test_the_highest_start_and_others_are_followed():
     np.testing.assert_allclose(end.top.z, TOP, atol=1e-5)
     assert end.before == likelihood.value(np.zeros(2))
     assert likelihood.passes[0] == 2
-    points = ascent._starts(likelihood, 0)
+    points = ascent._starts(likelihood, likelihood.start, 0)
     assert len(points) == 25 and not points[0].any()
     assert np.std(points[1:]) == pytest.approx(1.0, rel=0.25)
     wide = Parabola(parameters=[FreeParameter(n, 1.0, positive=True) for n in 'ab'])
-    np.testing.assert_allclose(ascent._starts(wide, 0)[1:], 1.5 * np.array(points[1:]))
-    narrow = ascent._starts(limited(low=-0.1, high=0.1), 0)
+    np.testing.assert_allclose(ascent._starts(wide, wide.start, 0)[1:], 1.5 * np.array(points[1:]))
+    narrow = limited(low=-0.1, high=0.1)
+    narrow = ascent._starts(narrow, narrow.start, 0)
     assert np.abs(np.array(narrow)[:, 0]).max() <= 0.1
 
 
@@ -165,7 +167,8 @@ def test_the_first_part_is_as_long_as_is_worth_while():
         given = {'s': Readings(stamp, np.zeros((readings, 1)))}
         observed = Observations(given, np.zeros(0, dtype=np.int64), np.zeros((0, 0)))
         likelihood = Observed(observed, until)
-        return ascent._first_part(likelihood) is likelihood, ascent._first_part(likelihood).until
+        first = ascent._first_part(likelihood, ascent.SHORT)
+        return first is likelihood, first.until
 
     assert part(1000) == (True, None)
     assert part(1001) == (False, 500)
@@ -207,8 +210,8 @@ def test_a_step_without_derivatives_ends_an_ascent():
     assert (end.stopped, end.top) == ('no step is better', start)
 
 
-@pytest.mark.parametrize(('deviations', 'stopped'), [(0.09, ''), (0.11, 'no step is better')])
-def test_what_no_step_improves_is_a_maximum_within_a_tenth_of_a_deviation(deviations, stopped):
+@pytest.mark.parametrize(('deviations', 'stopped'), [(0.19, ''), (0.21, 'no step is better')])
+def test_what_no_step_improves_is_a_maximum_within_a_fifth_of_a_deviation(deviations, stopped):
     likelihood = Parabola()
     away = np.array([deviations, 0.0]) / np.sqrt(INFORMATION[0, 0])
     start = likelihood.expand(TOP + away)

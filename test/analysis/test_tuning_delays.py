@@ -8,6 +8,8 @@ import pytest
 from tuned_cases import COVERED, likelihood, recorded
 
 from kalman_ros.analysis.tuning.fit import fit
+from kalman_ros.analysis.tuning.free_parameter import FreeParameter
+from kalman_ros.analysis.tuning.scan import scanned
 
 ROBOT = replace(COVERED[2], seconds=8.0, starts={})
 
@@ -44,3 +46,50 @@ def test_the_delay_of_a_speed_is_found():
     assert found.determined
     assert found.high - found.low < 0.02
     assert found.low < 0.03 < found.high
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('delay', [-0.7, 0.4])
+def test_a_delay_beyond_other_maxima_of_the_likelihood_is_reached(delay):
+    """An ascent from zero ends at -0.0055 +- 0.0015 for the first, 3,000 nats below."""
+    name = 'odometry.delay'
+    case = replace(ROBOT, fitted=[name], errors={name: delay}, seconds=30.0)
+    (found,) = fit(likelihood(case, recorded(case, 5))).parameters
+    assert found.low < delay < found.high
+    assert found.high - found.low < 0.02
+
+
+class Waves:
+    """Readings alike for all values until the 9,000th, and a likelihood with many maxima."""
+
+    def __init__(self, free, until=None, start=0.0):
+        self.parameters, self.until, self.start = free, until, np.array([start])
+        self.asked = []
+
+    def values(self, points):
+        self.asked += [float(z[0]) for z in points]
+        if self.until is not None:
+            return np.zeros(len(points))
+        return np.array([20.0 * np.cos(20.0 * z[0]) - 9.0 * (z[0] - 6.2) ** 2 for z in points])
+
+
+@pytest.mark.parametrize('scale', [0.1, 1.0])
+def test_a_scan_takes_more_readings_until_values_differ(scale):
+    limits = -10.0 * scale, 10.0 * scale
+    free = FreeParameter('s.delay', 0.0, *limits, scale=scale, scan=0.1 * scale)
+    whole, counts = Waves([free]), []
+
+    def cut(likelihood, count):
+        counts.append(count)
+        return whole if count > 9000 else Waves([free], until=count)
+
+    z = scanned(whole, cut, 2000, lambda text, share: None)
+    assert counts == [2000, 4000, 8000, 16000]
+    assert z[0] == pytest.approx(20.0 * 2.0 * np.pi / 20.0, abs=0.03)
+    assert len(whole.asked) == len({*np.round(whole.asked[:-6], 9)}) + 6
+    assert min(whole.asked) > -10.0 and max(whole.asked) < 10.0
+
+
+def test_a_parameter_with_one_maximum_is_not_scanned():
+    z = scanned(Waves([FreeParameter('s.noise', 0.5)], start=0.5), None, 2000, None)
+    assert z.tolist() == [0.5]

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The parts of a fit: its scale, its intervals, the order of events, and earlier readings."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -239,10 +240,9 @@ def test_a_profile_of_a_normal_distribution_is_its_parabola():
         return top.value - 0.5 * np.einsum('ki,ij,kj->k', off, information, off) + skew
 
     def fitted(*flags):
-        return SimpleNamespace(
-            parameters=[SimpleNamespace(determined=flag) for flag in flags],
-            determination=found, top=top, correlation=found.correlation,
-        )  # fmt: skip
+        seen = replace(found, std=np.where(flags, found.std, np.nan))
+        parts = {'top': top, 'correlation': found.correlation, 'parameters': free}
+        return SimpleNamespace(determination=seen, **parts)
 
     likelihood = SimpleNamespace(parameters=free, values=values)
     offsets = np.array([-3.0, -2.25, -1.5, -0.75, 0.0, 0.75, 1.5, 2.25, 3.0])

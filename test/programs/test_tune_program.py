@@ -239,10 +239,12 @@ def test_the_variances_of_a_density_stay_positive(density, positive):
 
 
 def test_a_fitted_delay_becomes_an_offset_of_the_stamps():
-    """Beside the offset that the file has already; a parameter of the file it is not."""
+    """The offset of the file is its start; the stamps of the recording are corrected by it."""
     named = NamedParameters({'model': 'constant_velocity', 'lidar.stamp_offset': -0.02})
-    named.choose(['lidar.delay'])
-    assert named.changes({'lidar.delay': 0.05}) == {'lidar.stamp_offset': pytest.approx(-0.07)}
+    (delay,) = named.choose(['lidar.delay'])
+    assert delay.start == pytest.approx(0.02)
+    assert named.changes({'lidar.delay': 0.07}) == {'lidar.stamp_offset': pytest.approx(-0.07)}
+    assert named.candidate({'lidar.delay': 0.07}).delays == {'lidar': pytest.approx(0.05)}
     assert not [name for name in named.names if 'stamp_offset' in name]
     assert named.parameter('lidar.delay') == 'lidar.stamp_offset'
 

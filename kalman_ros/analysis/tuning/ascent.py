@@ -17,6 +17,7 @@ import numpy as np
 from kalman_ros.core import Array
 
 from .likelihood import Expansion, Likelihood
+from .scan import scanned
 
 #: The fit ends if the predicted gain of log-likelihood is smaller. For a long recording, whose
 #: passes take longer, the limit corresponds to a twentieth of a standard deviation.
@@ -32,12 +33,15 @@ _LONGEST, _FAR = 2.0, 20.0
 _SCREENED, _FOLLOWED, _SPREAD = 24, 2, 1.5
 #: Starts are compared on the first N readings, and followed until the predicted gain is small.
 SHORT, LITTLE = 500, 0.03
+#: Delays are scanned on the first N readings, or more of them where these are alike.
+_SCANNED = 4 * SHORT
 #: Predicted gain below which no further step is taken on all readings: half a standard deviation,
 #: of which a step of scoring leaves some hundredths.
 _NEARLY = 0.1
-#: Predicted gain, that of a tenth of a standard deviation, below which an ascent is at its maximum
-#: if no step is better: rounding hides less, as does the order of readings where delays change.
-_UNRESOLVED = 0.005
+#: Predicted gain, that of a fifth of a standard deviation, below which an ascent is at its maximum
+#: if no step is better. Rounding hides less, and so do the derivatives along delays: they are of
+#: filters that correct a later state, where a nonlinear model is linearised elsewhere.
+_UNRESOLVED = 0.02
 #: An ascent within this distance of a known maximum, in standard deviations, ends there.
 _NEAR = 5.0
 
@@ -97,9 +101,9 @@ def _ascend(
             if known_top is not None:
                 return Ascent(likelihood, known_top, number)
             J = _corrected_information(path)
-            if _step(likelihood, current, J, _LEAST)[1] < negligible:
+            if scoring_step(likelihood, current, J, _LEAST)[1] < negligible:
                 return Ascent(likelihood, current, number)
-            step, gain = _step(likelihood, current, J, damping)
+            step, gain = scoring_step(likelihood, current, J, damping)
             progress = f'step {number + 1}, log-likelihood {current.value:.6g}'
             candidate = yield current.z + step, progress
             if candidate is not None and candidate.value > current.value:
@@ -166,7 +170,7 @@ def _is_near(current: Expansion, top: Expansion) -> bool:
     return current.value <= top.value and float(offset @ top.information @ offset) <= _NEAR**2
 
 
-def _step(
+def scoring_step(
     likelihood: Likelihood, current: Expansion, J: Array, damping: float
 ) -> tuple[Array, float]:
     """Return a damped step within the limits, and its predicted gain to first order."""
@@ -210,7 +214,7 @@ def _shorter_step(
     """Return the end of the best shorter step and its damping; None if no step is better."""
     dampings = [damping * _FACTOR**k for k in range(1, 20) if damping * _FACTOR**k < _LARGEST]
     J = current.information
-    points = [current.z + _step(likelihood, current, J, trial)[0] for trial in dampings]
+    points = [current.z + scoring_step(likelihood, current, J, trial)[0] for trial in dampings]
     if not points:
         return None
     values = likelihood.values(points)
@@ -233,11 +237,16 @@ def maximum(likelihood: Likelihood, report: Report = _ignore, seed: int = 0) -> 
     KeyboardInterrupt
         If it is interrupted before there is a result.
     """
-    short = _first_part(likelihood)
+    short = _first_part(likelihood, SHORT)
     is_whole = short is likelihood
-    points = _starts(likelihood, seed)
+    centres = [likelihood.start]
+    best = scanned(likelihood, _first_part, _SCANNED, report)
+    if (best != centres[0]).any():
+        centres.append(best)
     report('comparing starts', 0.0)
-    values = short.values(points)
+    families = [_starts(likelihood, centre, seed) for centre in centres]
+    values = np.concatenate([short.values(family) for family in families])
+    points = [point for family in families for point in family]
     if not np.isfinite(values).any():
         raise ValueError(
             'no likelihood at the start, nor at any other: the estimate is not finite, or no '
@@ -258,7 +267,7 @@ def maximum(likelihood: Likelihood, report: Report = _ignore, seed: int = 0) -> 
             polished = climb(likelihood, [highest.top], report, _NEGLIGIBLE)[0]
             return replace(polished, before=before, steps=highest.steps + polished.steps)
         tops = {id(end.top): end.top.z for end in ends}.values()
-        expansions = likelihood.expand_all([points[0], *tops], partial(report, 'all readings'))
+        expansions = likelihood.expand_all([*centres, *tops], partial(report, 'all readings'))
     except KeyboardInterrupt:
         return _highest(ends, before, INTERRUPTED)
     expanded = [start for start in expansions if start is not None]
@@ -275,22 +284,21 @@ def _highest(ends: Sequence[Ascent], before: float, stopped: str = '') -> Ascent
     return replace(best, before=before, stopped=stopped or best.stopped)
 
 
-def _first_part(likelihood: Likelihood) -> Likelihood:
-    """Return the likelihood of the first part of a long recording, or of all of a short one."""
+def _first_part(likelihood: Likelihood, count: int) -> Likelihood:
+    """Return the likelihood of the first readings, or of all if they are less than twice these."""
     stamps = np.sort(
         np.concatenate([readings.stamp for readings in likelihood.observations.readings.values()])
     )
     if likelihood.until is not None:
         stamps = stamps[stamps <= likelihood.until]
-    if len(stamps) <= 2 * SHORT:
+    if len(stamps) <= 2 * count:
         return likelihood
-    return replace(likelihood, until=int(stamps[SHORT]))
+    return replace(likelihood, until=int(stamps[count]))
 
 
-def _starts(likelihood: Likelihood, seed: int) -> list[Array]:
-    """Return the start and random points about it."""
+def _starts(likelihood: Likelihood, start: Array, seed: int) -> list[Array]:
+    """Return a start and random points about it."""
     rng = np.random.default_rng(seed)
-    start = likelihood.start
     limits = np.array([free.limits for free in likelihood.parameters]).reshape(-1, 2)
     low, high = limits[:, 0], np.maximum(limits[:, 0], limits[:, 1])
     spread = np.array([_SPREAD if free.positive else 1.0 for free in likelihood.parameters])

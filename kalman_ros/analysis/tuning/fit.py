@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import isfinite, nan
+from math import inf, isfinite, nan
 from typing import Any
 
 import numpy as np
@@ -13,10 +13,14 @@ from kalman_ros.core import Array
 from kalman_ros.estimators.consistency import chi_square_gate
 
 from .ascent import INTERRUPTED, LITTLE, Ascent, Report, _ignore, climb, maximum
+from .ends import ends
 from .identifiability import Determination, determination
 from .intervals import reach
 from .likelihood import Expansion, Likelihood
 from .restricted import Restricted, restricted, unrestricted
+
+#: Number of values between the start and the maximum of a parameter that the data do not show.
+_PLACES = 13
 
 
 @dataclass(frozen=True)
@@ -31,7 +35,8 @@ class Fitted:
         Value before and after the fit. If the parameter is not determined, ``value`` is one choice
         of many.
     low, high
-        Ends of the 95 % interval; NaN if the parameter is not determined.
+        Ends of the 95 % interval, infinite where these data show no limit; NaN if the parameter
+        shows only in combination with others.
     reason
         Reason for which the data do not determine the parameter; '' if they do.
     """
@@ -43,6 +48,15 @@ class Fitted:
     low: float
     high: float
     reason: str = ''
+
+    @property
+    def interval(self) -> str:
+        """The interval as text; '' if the data show no limit."""
+        if isfinite(self.low) and isfinite(self.high):
+            return f'{self.low:.4g} to {self.high:.4g}'
+        if isfinite(self.low):
+            return f'above {self.low:.4g}'
+        return f'below {self.high:.4g}' if isfinite(self.high) else ''
 
     @property
     def determined(self) -> bool:
@@ -143,6 +157,14 @@ def fit(likelihood: Likelihood, report: Report = _ignore) -> Fit:
             below, above = reach(std, float(end.power[index]), float(end.freedom[index]))
             low, high = free.value(z - below), free.value(z + above)
         reason = beyond.get(index, determined.reasons[index])
+        if reason and not ascent.stopped and not determined.combined[index]:
+            width = float(determined.widest[index])
+            below, above = ends(likelihood, top, index, width)
+            low = free.value(below) if isfinite(below) else -inf
+            high = free.value(above) if isfinite(above) else inf
+            farthest = width if free.positive else inf
+            if max(z - below, above - z) < farthest:
+                reason = ''
         fitted.append(Fitted(free.name, free.unit, free.start, free.value(z), low, high, reason))
     events = likelihood.observations.events({}, likelihood.until)
     count = sum(1 for event in events if event.order < len(likelihood.observations.readings))
@@ -181,18 +203,21 @@ def _place_unseen(
 ) -> tuple[Array, dict[int, str]]:
     """Return the point (p,) of a fit, and the reasons for which some parameters are out of range.
 
-    A parameter on which the data do not depend is set to its start, unless its start is less
-    likely: a noise may have become so small that all smaller values are equally likely.
+    A parameter on which the data do not depend is set to the value nearest to its start that is
+    as likely. That is not the start of a noise that is too large there: smaller values are equally
+    likely from some value on.
     """
     start, unseen = likelihood.start, np.flatnonzero(~seen).tolist()
-    points = [np.where(np.arange(len(start)) == index, start, top.z) for index in unseen]
-    values = likelihood.values(points) if points else np.zeros(0)
     point = top.z.copy()
     beyond: dict[int, str] = {}
-    for index, value in zip(unseen, values):
-        if value > top.value - LITTLE:
-            point[index] = start[index]
-        else:
+    for index in unseen:
+        way = np.linspace(start[index], top.z[index], _PLACES)
+        points = np.tile(top.z, (_PLACES - 1, 1))
+        points[:, index] = way[:-1]
+        as_likely = np.append(likelihood.values(list(points)) > top.value - LITTLE, True)
+        nearest = int(np.argmax(as_likely))
+        point[index] = way[nearest]
+        if nearest:
             size = 'small' if top.z[index] < start[index] else 'large'
             beyond[index] = f'it is too {size} for these data to show it'
     return point, beyond

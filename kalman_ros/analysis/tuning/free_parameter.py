@@ -8,6 +8,9 @@ from math import exp, inf, isfinite, log
 
 #: Step of finite differences, on the scale of the fit.
 STEP = 1e-4
+#: Longest delay of a sensor that a fit considers, and the spacing of those that are compared
+#: before it, in seconds.
+_LONGEST_DELAY, _SPACING = 1.0, 0.05
 
 
 @dataclass(frozen=True)
@@ -34,6 +37,9 @@ class FreeParameter:
         Mean and standard deviation of the prior distribution. A positive value is log-normal, with
         the mean as its median, and the standard deviation as its relative deviation times the
         median.
+    scan
+        Spacing of the values that are compared before the fit, for a likelihood with several
+        maxima; 0 if it has one.
 
     Raises
     ------
@@ -49,6 +55,7 @@ class FreeParameter:
     scale: float = 1.0
     unit: str = ''
     prior: tuple[float, float] | None = None
+    scan: float = 0.0
 
     def __post_init__(self) -> None:
         if not isfinite(self.start):
@@ -102,3 +109,9 @@ class FreeParameter:
         if self.positive:
             return log(mean), std / mean
         return mean / self.scale, std / self.scale
+
+
+def delay_parameter(sensor: str, start: float, scale: float) -> FreeParameter:
+    """Return the delay in seconds of a sensor as a parameter."""
+    low, high = min(-_LONGEST_DELAY, start), max(_LONGEST_DELAY, start)
+    return FreeParameter(f'{sensor}.delay', start, low, high, scale=scale, unit='s', scan=_SPACING)

@@ -44,6 +44,11 @@ class Determination:
         Number of combinations of parameters that the data determine.
     seen
         Whether the data depend on each parameter at all (p,).
+    combined
+        Whether each parameter shows only in combination with others (p,).
+    widest
+        Width on either side of the widest interval of a parameter that is determined by its
+        information alone (p,).
     """
 
     std: Array
@@ -51,6 +56,8 @@ class Determination:
     reasons: tuple[str, ...]
     rank: int
     seen: Any
+    combined: Any
+    widest: Array
 
     @property
     def covariance(self) -> Array:
@@ -86,8 +93,9 @@ def determination(
     covariance = (vectors * inverse) @ vectors.T / np.outer(d, d)
     std = np.sqrt(np.maximum(covariance.diagonal(), 0.0))
     loading = np.sum(np.where(null, vectors**2, 0.0), axis=1)
+    combined = seen & (loading > _LOADING)
     for index in np.flatnonzero(seen).tolist():
-        if loading[index] > _LOADING:
+        if combined[index]:
             others = _tied_parameters(parameters, vectors[:, null], index)
             reasons[index] = f'only a combination with {others} shows'
         elif max(reach(float(std[index]), float(power[index]))) > widest[index]:
@@ -97,7 +105,7 @@ def determination(
     std = np.where(known, std, np.nan)
     correlation = covariance / np.outer(std, std)
     rank = int(np.sum(~null)) - int(np.sum(~seen))
-    return Determination(std, correlation, tuple(reasons), rank, seen)
+    return Determination(std, correlation, tuple(reasons), rank, seen, combined, widest)
 
 
 def _widest(free: FreeParameter) -> float:

@@ -21,10 +21,8 @@ from kalman_ros.estimators.filter import SmoothableFilter
 from kalman_ros.scenario import Scenario, build, options
 
 from .candidate import Candidate
-from .free_parameter import FreeParameter
+from .free_parameter import FreeParameter, delay_parameter
 
-#: The longest delay of a sensor that a fit considers, in seconds.
-LONGEST_DELAY = 1.0
 #: Numerical options that are not parameters of the estimate.
 _NOT = (
     'rate', 'gate', 'soft_gate', 'datum', 'initial_state', 'enabled', 'still.below',
@@ -167,7 +165,7 @@ class NamedParameters:
             sensor, _, last = place.option.rpartition('.')
             name = self.parameter(place.free.name)
             if last == 'delay' and name != place.option:
-                changed[name] = float(self._current[name]) - value
+                changed[name] = 0.0 - value
             elif last == 'bias' and sensor in self.scenario.sensors:
                 continue
             elif place.element is None:
@@ -195,8 +193,12 @@ class NamedParameters:
             if sensor in biases and last == 'bias':
                 biases[sensor][place.element or 0] = values[place.free.name]
             elif sensor in biases and last == 'delay':
-                delays[sensor] = values[place.free.name]
+                delays[sensor] = values[place.free.name] - self._corrected(sensor)
         return candidate_of(built, biases, delays, self._filter_options)
+
+    def _corrected(self, sensor: str) -> float:
+        """Return the delay in seconds that the stamps of a sensor are corrected by."""
+        return 0.0 - float(self._current[f'{sensor}.stamp_offset'])
 
     def configured_noise(self) -> set[str]:
         """Return the sensors whose noise is fitted and replaces the covariance in messages."""
@@ -224,13 +226,8 @@ class NamedParameters:
                 )
             if self.scenario.model.is_discrete:
                 continue  # a discrete-time model has no step short enough
-            yield _Place(
-                f'{name}.delay', None,
-                FreeParameter(
-                    f'{name}.delay', 0.0, -LONGEST_DELAY, LONGEST_DELAY,
-                    scale=0.1 / source.timed.rate, unit='s',
-                ),
-            )  # fmt: skip
+            delay = delay_parameter(name, self._corrected(name), 0.1 / source.timed.rate)
+            yield _Place(f'{name}.delay', None, delay)
 
     def _places_of(self, name: str, option: Option) -> Iterable[_Place]:
         """Yield the parameters of an option, if it is a number or a list of numbers."""

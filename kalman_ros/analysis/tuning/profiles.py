@@ -40,12 +40,12 @@ class Profile:
 
 
 def profiles(likelihood: Likelihood, fit: Fit) -> list[Profile]:
-    """Return the profile of each parameter that is determined.
+    """Return the profile of each parameter with an interval by its information.
 
     The other parameters follow the ridge of the normal approximation, so the magnitude of each
     drop is an upper bound for that of the exact profile.
     """
-    determined = [i for i, fitted in enumerate(fit.parameters) if fitted.determined]
+    determined = np.flatnonzero(np.isfinite(fit.determination.std)).tolist()
     offsets = np.array([*(-r for r in reversed(_REACH)), 0.0, *_REACH])
     std = fit.determination.std
     points, limits = [], np.array([free.limits for free in likelihood.parameters])

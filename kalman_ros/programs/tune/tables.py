@@ -25,12 +25,8 @@ def parameters_table(fit: Fit) -> Table:
     table = plain_table('', ('start', 'fitted', '95 % interval'), 1)
     for parameter in fit.parameters:
         name = f'{parameter.name} \\[{parameter.unit}]' if parameter.unit else parameter.name
-        value, interval = '', '[yellow]not determined[/]'
-        if parameter.determined:
-            value, interval = (
-                f'{parameter.value:.4g}',
-                f'{parameter.low:.4g} to {parameter.high:.4g}',
-            )
+        value = f'{parameter.value:.4g}' if parameter.interval else ''
+        interval = parameter.interval or '[yellow]not determined[/]'
         table.add_row(name, f'{parameter.start:.4g}', value, interval)
     return table
 
