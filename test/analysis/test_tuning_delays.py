@@ -7,9 +7,13 @@ import numpy as np
 import pytest
 from tuned_cases import COVERED, likelihood, recorded
 
+from kalman_ros.analysis.tuning.earlier import noisier
 from kalman_ros.analysis.tuning.fit import fit
 from kalman_ros.analysis.tuning.free_parameter import FreeParameter
 from kalman_ros.analysis.tuning.scan import scanned
+from kalman_ros.core import Gaussian
+from kalman_ros.estimators import build_filter
+from kalman_ros.scenario import build
 
 ROBOT = replace(COVERED[2], seconds=8.0, starts={})
 
@@ -57,6 +61,31 @@ def test_a_delay_beyond_other_maxima_of_the_likelihood_is_reached(delay):
     (found,) = fit(likelihood(case, recorded(case, 5))).parameters
     assert found.low < delay < found.high
     assert found.high - found.low < 0.02
+
+
+def test_readings_from_before_the_first_belief_leave_it_positive():
+    """A speed that is read better than it is predicted: its variance became negative."""
+    exact = {'model_parameters.acceleration_noise': 1.0, 'odometry.noise': [0.02, 0.1]}
+    name, values = 'odometry.delay', {**ROBOT.values, **exact}
+    case = replace(ROBOT, values=values, fitted=[name], errors={name: 0.5}, seconds=4.0)
+    found = likelihood(case, recorded(case, 5))
+    (free,) = found.parameters
+    logs = [found.values([np.array([free.scaled(delay)])])[0] for delay in (0.0, 0.3, 0.5, 0.7)]
+    assert np.isfinite(logs).all()
+    assert logs[0] < logs[1] < logs[2] - 100.0 and logs[3] < logs[2] - 100.0
+
+
+def test_what_is_read_before_a_belief_is_uncertain_by_the_noise_since():
+    """P + W is the covariance of the state that is read, of which the belief keeps P."""
+    built = build({'model': 'level', 'reading.noise': [0.5]}, with_law=False)
+    sensor, W = built.sensors['reading'].sensor, np.array([[[3.0]]])
+    prior = Gaussian(np.zeros((1, 1)), np.full((1, 1, 1), 2.0))
+    filter = build_filter('kf', built.believed_plan)
+    correction = filter.correct(prior, np.array([1.0]), noisier(sensor, prior.mean, W))
+    S = 2.0 + 3.0 + 0.25
+    assert correction.innovation_covariance.item() == pytest.approx(S)
+    assert correction.posterior.mean.item() == pytest.approx(2.0 / S)
+    assert correction.posterior.covariance.item() == pytest.approx(2.0 - 4.0 / S)
 
 
 class Waves:

@@ -29,6 +29,7 @@ class Earlier(Sensor):
 
     def __init__(self, sensor: Sensor, model: Model) -> None:
         self.output, self.covariance, self.name = sensor.output, sensor.covariance, sensor.name
+        self.state = sensor.state
         self._sensor, self._model = sensor, model
         # shared by copies with another covariance
         self._now: dict[str, Any] = {}
@@ -49,6 +50,15 @@ class Earlier(Sensor):
         """
         W = self._model.noise_covariance(x, self._now['input'], _SHORT) / _SHORT
         return np.asarray(np.minimum(self._now['earlier'], longest)[..., np.newaxis] * W)
+
+
+def noisier(sensor: Sensor, x: Array, noise: Array) -> Sensor:
+    """Return a sensor that reads x - w, with w of covariance ``noise`` and independent of x.
+
+    So it reads the states before an initial belief, which contains no noise since then.
+    """
+    H = sensor.jacobian(x)
+    return sensor.with_covariance(sensor.covariance + H @ noise @ np.swapaxes(H, -1, -2))
 
 
 def corrected(

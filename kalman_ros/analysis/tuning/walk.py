@@ -18,7 +18,7 @@ from kalman_ros.estimators.start import likeliest, match_reading, rested
 from .block import Block
 from .candidate import Candidate, Part, candidate_filter
 from .compiled_steps import CompiledSteps
-from .earlier import SAFE, Earlier, corrected
+from .earlier import SAFE, Earlier, corrected, noisier
 from .observations import Event, Observations
 
 #: Innovations are released in blocks of this number of readings and inputs.
@@ -95,7 +95,7 @@ class Walk:
         self._compiled = CompiledSteps(observations, candidates) if plain else None
         self._belief = self._initial_belief()
         self._started: set[int] = set()
-        self._corrected = self._now = 0
+        self._corrected = self._now = self._first = 0
         self._input, self._moving = conditions.input, True
 
     def _width(self, name: str) -> int:
@@ -124,7 +124,7 @@ class Walk:
         self._now = self._observations.first if events else 0
         if events and policy.from_reading:
             self._now = events[0].time
-        self._corrected = self._now
+        self._corrected = self._first = self._now
         for first in range(0, len(events), _BLOCK):
             if first and progress is not None:
                 progress(first / len(events))
@@ -211,9 +211,13 @@ class Walk:
         else:
             earlier.set(self._delayed[order] + delay, u)
             elapsed = max((event.time - self._corrected) * 1e-9, SAFE)
-            noise = earlier.noise_between(prior.mean, elapsed)
-            correction = corrected(self._filter, prior, y, sensor, noise)
-        self._corrected = event.time
+            if event.time < self._first:
+                before = noisier(sensor, prior.mean, earlier.noise_between(prior.mean, np.inf))
+                correction = self._filter.correct(prior, y, before)
+            else:
+                noise = earlier.noise_between(prior.mean, elapsed)
+                correction = corrected(self._filter, prior, y, sensor, noise)
+        self._corrected = max(self._corrected, event.time)
         accepted: Any = True
         gate = self._gates[order]
         if gate is not None:
