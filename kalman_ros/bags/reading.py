@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
-from math import inf
+from math import inf, isfinite
 from pathlib import Path
 
 from kalman_ros.core.named_options import nearest
@@ -108,6 +108,19 @@ class Bag:
         if kinds != {kind}:
             got = ' and '.join(sorted(kinds))
             raise ValueError(f'{purpose}: expected {kind} on {topic}, recorded is {got}')
+
+    def limits(self, start: float, end: float) -> tuple[float, float]:
+        """Return the times of reception in nanoseconds of a part, given in seconds.
+
+        Raises
+        ------
+        ValueError
+            If the part does not end after it begins.
+        """
+        if not 0.0 <= start < end:
+            raise ValueError(f'part: expected 0 <= start < end, got {start:g} and {end:g}')
+        first = self.start + round(start * 1e9) if start else -inf
+        return first, self.start + round(end * 1e9) if isfinite(end) else inf
 
     def messages(
         self, topics: Collection[str], start: float = -inf, end: float = inf

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
-from math import inf, isfinite
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -153,8 +153,7 @@ def replay_bag(
     progress: Callable[[float], None] | None = None,
 ) -> Replayed:
     """Replay a recording that is open; see `replay`."""
-    if not 0.0 <= start < end:
-        raise ValueError(f'part: expected 0 <= start < end, got {start:g} and {end:g}')
+    limits = bag.limits(start, end)
     if out is not None:
         source, folder = bag.path.resolve(), Path(out).resolve()
         if folder in (source, source.parent):
@@ -181,7 +180,7 @@ def replay_bag(
         if feed.lockstep:
             messages = steps = Steps(bag.messages(topics), resolve(TICK), start, end)
         else:
-            messages = bag.messages(topics, *_limits(bag, start, end))
+            messages = bag.messages(topics, *limits)
         for message in messages:
             count += 1
             received = message.time
@@ -242,12 +241,6 @@ def _out_of_step(feed: Feed) -> str:
         return ''
     options = ' and '.join(moved)
     return f'; it is in lockstep, where {options} can only be whole periods of the sensor'
-
-
-def _limits(bag: Bag, start: float, end: float) -> tuple[float, float]:
-    """Return the limits of a part of a recording, in nanoseconds."""
-    first = bag.start + round(start * 1e9) if start else -inf
-    return first, bag.start + round(end * 1e9) if isfinite(end) else inf
 
 
 class _TruthReader:

@@ -503,3 +503,20 @@ def test_a_hundred_replays_beside_busy_processes_have_one_hash(tmp_path):
             process.kill()
             process.wait()
     assert len(found) == 1
+
+
+def test_the_nis_without_rejected_readings_is_told(tmp_path):
+    """One outlier, which the gate rejects, is most of the mean."""
+    arrivals = [(k * 10**7, k * 10**7, 'y', [0.0, 0.0]) for k in range(1, 30)]
+    arrivals[20] = (*arrivals[20][:3], [1e3, 0.0])
+    found = replay(recorded(tmp_path / 'a', arrivals), {**VALUES, 'y.gate': 0.999})
+    numbers = statistics.statistics(found.sensors['y'])
+    nis = found.sensors['y'].nis
+    assert numbers.rejected == 1 and nis.argmax() == 20
+    assert numbers.accepted_nis == pytest.approx(np.mean(np.delete(nis, 20)) / 2.0)
+    assert numbers.nis == pytest.approx(np.mean(nis) / 2.0)
+    assert numbers.nis > 100.0 * numbers.accepted_nis
+    said = f'y: NIS {numbers.accepted_nis:.3g} without the rejected readings'
+    assert said in list(tables.sentences(found, None))
+    without = replay(recorded(tmp_path / 'b', ARRIVALS[:4]), VALUES)
+    assert not any('NIS' in sentence for sentence in tables.sentences(without, None))

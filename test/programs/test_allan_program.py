@@ -11,9 +11,11 @@ pytest.importorskip('rclpy')
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Imu, JointState
 
+from kalman_ros.bags.reading import Bag
 from kalman_ros.bags.recording_writer import RecordingWriter
 from kalman_ros.codecs.messages import write_stamp
 from kalman_ros.programs.allan import program as allan
+from kalman_ros.programs.allan.channels import channels
 
 PERIOD = 10_000_000
 STD = np.array([0.01, 0.02, 0.03, 0.1, 0.2, 0.3])
@@ -63,6 +65,21 @@ def test_a_topic_with_an_imu_is_found_and_its_noise_printed(bag, tmp_path, capsy
     values = ', '.join(f'{each["value"] * 10.0:.3g}' for each in density[:3])
     assert f'noise: [{values}]   # rad/s: gyro x, gyro y, gyro z' in printed
     assert (out / 'imu_data.png').stat().st_size > 10_000
+
+
+def test_a_part_of_a_recording_is_read(bag):
+    """Of the gaps, that of the NaN at 5 s alone, not that from 10 to 10.5 s."""
+    read = channels(Bag(bag), '/imu/data', (2.0, 9.0))
+    assert (len(read.values), read.gaps, read.whole) == (400, 1, 700)
+    assert read.period == pytest.approx(0.01)
+
+
+@pytest.mark.slow
+def test_an_empty_part_is_refused_in_one_line(bag, capsys):
+    with pytest.raises(SystemExit) as end:
+        allan.main([str(bag), '--from', '5', '--to', '5'])
+    assert end.value.code == 2
+    assert 'expected 0 <= start < end, got 5 and 5' in capsys.readouterr().err
 
 
 @pytest.mark.thorough

@@ -96,7 +96,8 @@ _BESIDE, _DELAYS = 0.2, ('stamps late', 'stamps early')
 _OFFSETS = ('bias', 'drift', 'random walk')
 #: A change is proven by a replay of the first seconds if it explains this share of the misfit. A
 #: smaller effect is hidden by the other faults, which the replay does not correct.
-PROOF, _PROVEN = 20.0, 0.01
+#: Sensors of the change that begin later prolong the replay, by at most _LATEST s.
+PROOF, _PROVEN, _LATEST = 20.0, 0.01, 100.0
 #: A share of the misfit below this is little.
 _LITTLE = 0.05
 #: A cause of a smaller certainty is a note; a first one whose replay fits worse has no more than
@@ -347,12 +348,23 @@ def _limit_kinds(findings: Sequence[Finding]) -> list[Finding]:
     return kept
 
 
+def _proof_seconds(evidence: Evidence, finding: Finding) -> float:
+    """Return how much of a recording is replayed: `PROOF`, after the sensors of a change begin."""
+    named = {name.partition('.')[0] for name in finding.change}
+    begins = [
+        float(record.received[0])
+        for name, record in evidence.sensors.items()
+        if name in named and len(record)
+    ]
+    return PROOF + min(max(begins, default=0.0), _LATEST)
+
+
 def _prove(evidence: Evidence, finding: Finding) -> Finding:
     """Return a finding with the improvement of a replay of the first seconds with its change."""
     if not finding.change or 0.0 < finding.share < _PROVEN:
         return finding
     try:
-        after = evidence.rerun(finding.change, PROOF)
+        after = evidence.rerun(finding.change, _proof_seconds(evidence, finding))
     except ValueError:
         return replace(finding, change={})
     return replace(finding, proof=improvement(evidence, after))
@@ -370,7 +382,7 @@ def _doubted(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
         return findings
     first, *others = judged
     sentence = (
-        f'{first.sentence} But a replay of the first {PROOF:g} s with its lines fits worse, so '
+        f'{first.sentence} But a replay of the first seconds with its lines fits worse, so '
         'that they are left out: it is another cause, or not the only one.'
     )
     certainty = min(first.certainty, _REFUTED)

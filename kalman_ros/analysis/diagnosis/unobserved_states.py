@@ -32,7 +32,7 @@ def find(case: Examination) -> list[Finding]:
         known = np.flatnonzero(std[:, index] <= _GROWN * max(first[index], 1e-9))
         if len(known) and known[-1] >= 0.9 * len(sampled):
             continue
-        since = times[known[-1]] if len(known) else 0.0
+        since = max(times[known[-1]], 0.0) if len(known) else 0.0
         figure = Figure(f'{name}: its deviation', 'time [s]', space.label(name),
                         (Curve('1 sigma', times, std[:, index]),))  # fmt: skip
         findings.append(

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 
@@ -57,8 +58,8 @@ def topics(bag: Bag, topic: str = '') -> list[str]:
     return imu_topics
 
 
-def channels(bag: Bag, topic: str) -> Channels:
-    """Read a topic, in the order of its stamps.
+def channels(bag: Bag, topic: str, limits: tuple[float, float] = (0.0, inf)) -> Channels:
+    """Read a topic, in the order of its stamps, between two times in seconds.
 
     Raises
     ------
@@ -67,7 +68,7 @@ def channels(bag: Bag, topic: str) -> Channels:
     """
     read = WireReader(SignalCodec(Signal(topic, KIND, _FIELDS)))
     times, rows, dropped = [], [], 0
-    for message in bag.messages([topic]):
+    for message in bag.messages([topic], *bag.limits(*limits)):
         try:
             sample = read(message.data)
         except (UndecodableError, LookupError, ValueError):

@@ -14,6 +14,7 @@ from rich.console import Console
 
 from kalman_ros.analysis.allan import Allan, Parameter, allan
 from kalman_ros.bags.reading import Bag
+from kalman_ros.programs.common_arguments import add_part
 from kalman_ros.programs.refusal import interruptible, refuse
 from kalman_ros.programs.results import ready
 from kalman_ros.report.sheet import Sheet, show
@@ -36,6 +37,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     )
     parser.add_argument('bag', help='a recording: a folder of rosbag2, or a file')
     parser.add_argument('topic', nargs='?', default='', help='default: each with sensor_msgs/Imu')
+    add_part(parser)
     parser.add_argument(
         '--out', type=Path, default=Path('out/allan'), metavar='DIR',
         help='for the results (default: %(default)s)',
@@ -48,8 +50,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Print the noise parameters of each sensor, with intervals, and draw the deviations."""
     options, console = arguments(argv), Console(highlight=False)
     try:
-        bag = Bag(options.bag)
-        recorded = {topic: channels(bag, topic) for topic in topics(bag, options.topic)}
+        bag, part = Bag(options.bag), (options.start, options.end)
+        recorded = {topic: channels(bag, topic, part) for topic in topics(bag, options.topic)}
         ready(options.out)
         results = {topic: _deviations(readings) for topic, readings in recorded.items()}
     except ValueError as error:

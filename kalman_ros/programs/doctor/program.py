@@ -153,7 +153,8 @@ def show(
 
     if diagnosis.findings:
         console.print(findings_table(diagnosis))
-        console.print(f'By replay: of the first {PROOF:g} s, with this change alone.', style='dim')
+        replayed = f'{PROOF:g} s from the start of its sensor, with this change alone'
+        console.print(f'By replay: {replayed}.', style='dim')
         console.print()
     for sentence in (*sentences(diagnosis), *unexplained(failed)):
         console.print(sentence, markup=False)

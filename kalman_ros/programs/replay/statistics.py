@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import nan, sqrt
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtri
@@ -14,6 +15,7 @@ from kalman_ros.bags.replayed import Replayed, SensorReplay
 from kalman_ros.core import Array, Space
 from kalman_ros.estimators import filter_class
 from kalman_ros.estimators.consistency import independent, nees
+from kalman_ros.estimators.outcome import Outcome
 
 #: Fewest values that are checked.
 _LEAST = 20
@@ -39,6 +41,8 @@ class SensorStatistics:
         Median and 99 % quantile of the seconds from the stamp to the reception.
     nis
         Mean normalised innovation squared, divided by its expectation.
+    accepted_nis
+        Mean of those of accepted readings alone.
     whiteness
         Correlation of the normalised innovations with the next ones.
     count
@@ -54,6 +58,7 @@ class SensorStatistics:
     delay: float
     slowest: float
     nis: float
+    accepted_nis: float
     whiteness: float
     count: int
 
@@ -67,7 +72,9 @@ def statistics(sensor: SensorReplay) -> SensorStatistics:
     duration = float(intervals.sum()) if len(intervals) else 0.0
     delays = sensor.received - sensor.stamp
     z = normalised_innovations(sensor)
-    nis = sensor.nis[np.isfinite(sensor.nis)]
+    known = np.isfinite(sensor.nis)
+    nis, taken = sensor.nis[known], sensor.nis[known & _accepted(sensor)]
+    k = sensor.value.shape[1]
     return SensorStatistics(
         received=len(sensor.nis) + sensor.undecodable,
         fused=accepted,
@@ -77,10 +84,17 @@ def statistics(sensor: SensorReplay) -> SensorStatistics:
         gap=float(intervals.max()) if len(intervals) else nan,
         delay=float(np.median(delays)) if len(delays) else nan,
         slowest=float(np.quantile(delays, 0.99)) if len(delays) else nan,
-        nis=float(nis.mean()) / sensor.value.shape[1] if len(nis) else nan,
+        nis=float(nis.mean()) / k if len(nis) else nan,
+        accepted_nis=float(taken.mean()) / k if len(taken) else nan,
         whiteness=float(autocorrelation(z, 1)[0]) if len(z) > 1 else nan,
         count=len(nis),
     )
+
+
+def _accepted(sensor: SensorReplay) -> Any:
+    """Return which readings moved the estimate, as a mask (N,)."""
+    accepted = {outcome.name for outcome in Outcome if outcome.accepted}
+    return np.isin(sensor.outcome, list(accepted))
 
 
 def normalised_innovations(sensor: SensorReplay) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict
+from math import isfinite
 from typing import Any
 
 from kalman_ros.analysis.checks import Check
@@ -51,6 +52,9 @@ def sentences(replayed: Replayed, errors: Errors | None) -> Iterator[str]:
         for outcome, number in sensor.counts.items():
             if number and outcome.name != 'FUSED':
                 yield f'{name}: {number} {outcome.value}'
+        numbers = statistics(sensor)
+        if numbers.rejected and isfinite(numbers.accepted_nis):
+            yield f'{name}: NIS {numbers.accepted_nis:.3g} without the rejected readings'
         if sensor.undecodable:
             yield f'{name}: {sensor.undecodable} dropped: not decodable, or too long'
     if replayed.restarts:
