@@ -144,7 +144,7 @@ def test_the_highest_start_and_others_are_followed():
     assert end.before == likelihood.value(np.zeros(2))
     assert likelihood.passes[0] == 2
     points = ascent._starts(likelihood, likelihood.start, 0)
-    assert len(points) == 25 and not points[0].any()
+    assert len(points) == 49 and not points[0].any()
     assert np.std(points[1:]) == pytest.approx(1.0, rel=0.25)
     wide = Parabola(parameters=[FreeParameter(n, 1.0, positive=True) for n in 'ab'])
     np.testing.assert_allclose(ascent._starts(wide, wide.start, 0)[1:], 1.5 * np.array(points[1:]))
@@ -226,3 +226,42 @@ def test_there_is_an_end_to_steps(monkeypatch):
     likelihood = Parabola(50.0)
     (end,) = climb(likelihood, [likelihood.expand(np.zeros(2))], negligible=0.0)
     assert (end.steps, end.stopped) == (2, '2 steps are not enough')
+
+
+class Plateau:
+    """A likelihood of two scales that is level where the first is small, and higher beyond."""
+
+    parameters = tuple(FreeParameter(name, 1.0, positive=True) for name in 'ab')
+    start = np.zeros(2)
+
+    def height(self, a, b):
+        return -0.5 * b**2 - (4.0 if a < -5.0 else 0.5 * (a + 1.0) ** 2)
+
+    def values(self, points):
+        return np.array([self.height(*z) for z in points])
+
+    def expand(self, z):
+        level = z[0] < -5.0
+        gradient = np.array([0.0 if level else -(z[0] + 1.0), -z[1]])
+        value = self.height(*z)
+        return Expansion(z, value, value, gradient, np.diag([0.0 if level else 1.0, 1.0]))
+
+    def expand_all(self, points, report=None):
+        return [self.expand(z) for z in points]
+
+
+def test_an_ascent_leaves_a_plateau_below_other_values():
+    plateau = Plateau()
+    start = plateau.expand(np.array([-8.0, 0.5]))
+    (alone,) = climb(plateau, [start], negligible=1e-9)
+    assert not alone.stopped and alone.top.value == pytest.approx(-4.0)
+    end = ascent._climbed(plateau, start, lambda *said: None, 1e-9)
+    np.testing.assert_allclose(end.top.z, [-1.0, 0.0], atol=1e-3)
+    assert end.steps >= alone.steps and not end.stopped
+
+
+def test_a_plateau_that_is_as_high_as_all_values_is_the_end(monkeypatch):
+    monkeypatch.setattr(Plateau, 'height', lambda self, a, b: -0.5 * b**2 - max(a + 5.0, 0.0))
+    plateau = Plateau()
+    end = ascent._climbed(plateau, plateau.expand(np.array([-8.0, 0.5])), lambda *said: None, 1e-9)
+    assert end.top.z[0] == -8.0 and end.top.value == pytest.approx(0.0)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tuned_cases import COVERED, likelihood, recorded
+from tuned_cases import COVERED, Case, likelihood, recorded
 
 from kalman_ros.analysis.tuning.earlier import noisier
 from kalman_ros.analysis.tuning.fit import fit
@@ -61,6 +61,30 @@ def test_a_delay_beyond_other_maxima_of_the_likelihood_is_reached(delay):
     (found,) = fit(likelihood(case, recorded(case, 5))).parameters
     assert found.low < delay < found.high
     assert found.high - found.low < 0.02
+
+
+def _turning(time):
+    """Return rates about two axes, and the force of gravity on a body that is level."""
+    return np.array([0.2 * np.sin(time), 0.0, 0.6, 0.0, 0.0, 9.80665])
+
+
+def test_an_orientation_is_turned_back_by_its_delay():
+    """Near half a turn about the vertical, where numbers of an orientation jump."""
+    begin = [0.0] * 5 + [3.0] + [0.0] * 9
+    values = {
+        'model': 'inertial', 'filter': 'ekf', 'rate': 50.0, 'sensors': ['attitude'],
+        'attitude.kind': 'states', 'attitude.measures': ['rx', 'ry', 'rz'],
+        'attitude.noise': [0.01] * 3, 'attitude.type': 'geometry_msgs/PoseStamped',
+        'attitude.fields': [f'pose.orientation.r{axis}' for axis in 'xyz'], 'attitude.rate': 10.0,
+        'initial_estimate': begin, 'initial_std': [0.05] * 15,
+    }  # fmt: skip
+    name = 'attitude.delay'
+    case = Case('body', values, {}, [name], 5.0, _turning, {name: 0.1})
+    found = likelihood(case, recorded(case, 3))
+    assert found.expand(np.zeros(1)).value == pytest.approx(found.values([np.zeros(1)])[0])
+    (fitted,) = fit(found).parameters
+    assert fitted.low < 0.1 < fitted.high
+    assert fitted.high - fitted.low < 0.08
 
 
 def test_readings_from_before_the_first_belief_leave_it_positive():

@@ -19,7 +19,7 @@ from kalman_ros.analysis.tuning.named_parameters import NamedParameters
 from kalman_ros.bags.recording_writer import RecordingWriter
 from kalman_ros.codecs.messages import full_type
 from kalman_ros.codecs.signal_codec import SignalCodec
-from kalman_ros.programs.tune import program, tables
+from kalman_ros.programs.tune import program, recorded_likelihood, tables
 from kalman_ros.programs.tune.recorded_likelihood import load
 from kalman_ros.scenario import build
 from kalman_ros.scenario.parameter_files import from_file
@@ -236,6 +236,33 @@ def test_the_variances_of_a_density_stay_positive(density, positive):
     named = NamedParameters({'model': 'linear', 'model_parameters.noise_density': density})
     chosen = named.choose(['model_parameters.noise_density'])
     assert {each.name.rpartition('.')[2] for each in chosen if each.positive} == positive
+
+
+def test_variances_of_zero_stay_so_with_their_list():
+    named = NamedParameters({'model': 'linear', 'model_parameters.noise_density': [0.0, 0.1]})
+    (free,) = named.choose(['noise_density'])
+    assert free.name == 'model_parameters.noise_density.1'
+    with pytest.raises(ValueError, match='it is 0; give it a start above 0'):
+        named.choose(['model_parameters.noise_density.0'])
+
+
+def test_readings_that_are_all_the_same_have_no_noise_to_fit():
+    """Such as the velocities to the side and upwards in the odometry of a robot on wheels."""
+    named = NamedParameters({'model': 'diff_drive'})
+    output = named.scenario.sensors['odometry'].sensor.output
+    assert output.names == ('v', 'omega')
+    value = np.array([[0.0, 0.1], [0.0, 0.2], [np.nan, 0.3]])
+    sensors = {'odometry': SimpleNamespace(value=value)}
+    replayed = SimpleNamespace(sensors=sensors, scenario=named.scenario)
+    constant = list(recorded_likelihood._constant(replayed))
+    assert constant == ['odometry.noise.v']
+    left = recorded_likelihood._changing(named, ['odometry.noise'], constant)
+    assert left == ['odometry.noise.omega']
+    assert 'odometry.noise.v' not in recorded_likelihood._changing(named, [], constant)
+    both = [*constant, 'odometry.noise.omega']
+    for names in (constant, ['odometry.noise']):
+        with pytest.raises(ValueError, match='All readings of odometry.v are the same'):
+            recorded_likelihood._changing(named, names, both)
 
 
 def test_a_fitted_delay_becomes_an_offset_of_the_stamps():

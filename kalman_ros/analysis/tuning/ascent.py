@@ -29,7 +29,8 @@ _DAMPING, _FACTOR, _LEAST, _LARGEST = 1e-3, 10.0, 1e-6, 1e7
 _BLIND = 1e-6
 #: Longest step on a logarithmic scale (a factor of 7), and in units of any other scale.
 _LONGEST, _FAR = 2.0, 20.0
-#: Number of other starts that are compared, number that are followed, and their spread.
+#: Number of other starts for each parameter that are compared, number that are followed, and
+#: their spread.
 _SCREENED, _FOLLOWED, _SPREAD = 24, 2, 1.5
 #: Starts are compared on the first N readings, and followed until the predicted gain is small.
 SHORT, LITTLE = 500, 0.03
@@ -44,6 +45,9 @@ _NEARLY = 0.1
 _UNRESOLVED = 0.02
 #: An ascent within this distance of a known maximum, in standard deviations, ends there.
 _NEAR = 5.0
+
+#: Number of ascents from a plateau, and of values of a parameter that are compared there.
+_PLATEAUS, _VALUES = 4, 8
 
 #: Reason of an ascent that the user interrupted.
 INTERRUPTED = 'interrupted'
@@ -264,7 +268,7 @@ def maximum(likelihood: Likelihood, report: Report = _ignore, seed: int = 0) -> 
             raise ValueError('no likelihood near any start: it cannot be differentiated')
         if is_whole:
             highest = _highest(ends, before)
-            polished = climb(likelihood, [highest.top], report, _NEGLIGIBLE)[0]
+            polished = _climbed(likelihood, highest.top, report, _NEGLIGIBLE)
             return replace(polished, before=before, steps=highest.steps + polished.steps)
         tops = {id(end.top): end.top.z for end in ends}.values()
         expansions = likelihood.expand_all([*centres, *tops], partial(report, 'all readings'))
@@ -275,7 +279,41 @@ def maximum(likelihood: Likelihood, report: Report = _ignore, seed: int = 0) -> 
         return _highest(ends, before, 'all readings together have no likelihood')
     before = -np.inf if expansions[0] is None else expansions[0].value
     highest_start = max(expanded, key=lambda start: start.value)
-    return replace(climb(likelihood, [highest_start], report, _NEARLY)[0], before=before)
+    return replace(_climbed(likelihood, highest_start, report, _NEARLY), before=before)
+
+
+def _climbed(
+    likelihood: Likelihood, start: Expansion, report: Report, negligible: float
+) -> Ascent:
+    """Return the ascent from an expansion, and over the plateaus that it ends on.
+
+    Where a noise is so small that the data no longer show it, the likelihood is level, and may be
+    higher elsewhere.
+    """
+    steps = 0
+    for _ in range(_PLATEAUS):
+        end = climb(likelihood, [start], report, negligible)[0]
+        steps += end.steps
+        higher = None if end.stopped else _beyond_plateau(likelihood, end.top)
+        if higher is None:
+            break
+        start = higher
+    return replace(end, steps=steps)
+
+
+def _beyond_plateau(likelihood: Likelihood, top: Expansion) -> Expansion | None:
+    """Return a point that is likelier, by another value of a parameter that does not show."""
+    points = []
+    for index in np.flatnonzero(top.information.diagonal() <= _BLIND).tolist():
+        for value in np.linspace(likelihood.start[index], top.z[index], _VALUES, endpoint=False):
+            point = top.z.copy()
+            point[index] = value
+            points.append(point)
+    if not points:
+        return None
+    values = likelihood.values(points)
+    best = int(np.argmax(values))
+    return likelihood.expand(points[best]) if values[best] > top.value + LITTLE else None
 
 
 def _highest(ends: Sequence[Ascent], before: float, stopped: str = '') -> Ascent:
@@ -303,6 +341,6 @@ def _starts(likelihood: Likelihood, start: Array, seed: int) -> list[Array]:
     low, high = limits[:, 0], np.maximum(limits[:, 0], limits[:, 1])
     spread = np.array([_SPREAD if free.positive else 1.0 for free in likelihood.parameters])
     points = [start]
-    for _ in range(_SCREENED):
+    for _ in range(_SCREENED * len(start)):
         points.append(np.clip(start + spread * rng.standard_normal(len(start)), low, high))
     return points

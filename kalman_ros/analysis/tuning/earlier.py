@@ -17,7 +17,9 @@ SAFE = 1e-4
 
 
 class Earlier(Sensor):
-    """A candidate sensor that reads the state a short time d earlier, x - d dx/dt.
+    """A candidate sensor that reads the state a short time d earlier, x minus d dx/dt.
+
+    Rotations are turned back.
 
     Parameters
     ----------
@@ -29,7 +31,7 @@ class Earlier(Sensor):
 
     def __init__(self, sensor: Sensor, model: Model) -> None:
         self.output, self.covariance, self.name = sensor.output, sensor.covariance, sensor.name
-        self.state = sensor.state
+        self.state = model.state
         self._sensor, self._model = sensor, model
         # shared by copies with another covariance
         self._now: dict[str, Any] = {}
@@ -41,7 +43,7 @@ class Earlier(Sensor):
     def measure(self, x: Array) -> Array:
         """Return the readings (..., p, k) of the earlier states."""
         rate = self._model.derivative(x, self._now['input'])
-        return self._sensor.measure(x - self._now['earlier'] * rate)
+        return self._sensor.measure(self.state.add(x, -self._now['earlier'] * rate))
 
     def noise_between(self, x: Array, longest: float) -> Array:
         """Return d W (p, n, n), the noise covariance between the earlier states and ``x`` (p, n).

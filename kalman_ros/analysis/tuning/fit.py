@@ -14,7 +14,7 @@ from kalman_ros.estimators.consistency import chi_square_gate
 
 from .ascent import INTERRUPTED, LITTLE, Ascent, Report, _ignore, climb, maximum
 from .ends import ends
-from .identifiability import Determination, determination
+from .identifiability import UNCERTAIN, Determination, determination
 from .intervals import reach
 from .likelihood import Expansion, Likelihood
 from .restricted import Restricted, restricted, unrestricted
@@ -152,20 +152,12 @@ def fit(likelihood: Likelihood, report: Report = _ignore) -> Fit:
     point, beyond = _place_unseen(likelihood, top, determined.seen)
     fitted = []
     for index, free in enumerate(likelihood.parameters):
-        z, std, low, high = float(point[index]), float(determined.std[index]), nan, nan
-        if isfinite(std):
-            below, above = reach(std, float(end.power[index]), float(end.freedom[index]))
-            low, high = free.value(z - below), free.value(z + above)
         reason = beyond.get(index, determined.reasons[index])
-        if reason and not ascent.stopped and not determined.combined[index]:
-            width = float(determined.widest[index])
-            below, above = ends(likelihood, top, index, width)
-            low = free.value(below) if isfinite(below) else -inf
-            high = free.value(above) if isfinite(above) else inf
-            farthest = width if free.positive else inf
-            if max(z - below, above - z) < farthest:
-                reason = ''
-        fitted.append(Fitted(free.name, free.unit, free.start, free.value(z), low, high, reason))
+        below, above, reason = _interval(likelihood, end, index, reason, not ascent.stopped)
+        low = -inf if below == -inf else free.value(below)
+        high = inf if above == inf else free.value(above)
+        value = free.value(float(point[index]))
+        fitted.append(Fitted(free.name, free.unit, free.start, value, low, high, reason))
     events = likelihood.observations.events({}, likelihood.until)
     count = sum(1 for event in events if event.order < len(likelihood.observations.readings))
     return Fit(
@@ -196,6 +188,27 @@ def _finish(ascent: Ascent, report: Report) -> tuple[Ascent, Restricted]:
     determined = determination(ascent.likelihood.parameters, ascent.top.information, ascent.top.z)
     p = len(ascent.top.z)
     return ascent, Restricted(ascent.top, determined, np.zeros(p), np.full(p, np.inf))
+
+
+def _interval(
+    likelihood: Likelihood, end: Restricted, index: int, reason: str, at_top: bool
+) -> tuple[float, float, str]:
+    """Return the ends of an interval on the scale of the fit, and the reason if it is open.
+
+    Those by the information are used where they are near, and otherwise those of the profile.
+    """
+    z, width = float(end.top.z[index]), float(end.found.widest[index])
+    if not reason:
+        std = float(end.found.std[index])
+        below, above = reach(std, float(end.power[index]), float(end.freedom[index]))
+        if max(below, above) <= width or not at_top:
+            return z - below, z + above, ''
+        reason = UNCERTAIN
+    if end.found.combined[index] or not at_top:
+        return nan, nan, reason
+    low, high = ends(likelihood, end.top, index, width)
+    farthest = width if likelihood.parameters[index].positive else inf
+    return low, high, '' if max(z - low, high - z) < farthest else reason
 
 
 def _place_unseen(

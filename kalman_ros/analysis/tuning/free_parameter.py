@@ -82,6 +82,11 @@ class FreeParameter:
                     f'got {mean:g} and {std:g}'
                 )
 
+    @property
+    def is_zero(self) -> bool:
+        """Whether it is zero and cannot be negative, so that no scale of it can be fitted."""
+        return self.low >= 0.0 and not self.positive
+
     def scaled(self, value: float) -> float:
         """Return the coordinate z of a value."""
         if self.positive:

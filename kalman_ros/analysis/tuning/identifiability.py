@@ -27,6 +27,9 @@ _ABSENT = 50.0
 #: A deviation is due to other parameters if it is this multiple of the one with those known.
 _TIED = 3.0
 
+#: Reason of a parameter with a wide interval.
+UNCERTAIN = 'these data hardly depend on it'
+
 
 @dataclass(frozen=True)
 class Determination:
@@ -141,7 +144,7 @@ def _reason_of_width(
             f'it can hardly be distinguished from {parameters[other].name} '
             f'(correlation {correlation[other]:+.3f})'
         )
-    return 'these data hardly depend on it'
+    return UNCERTAIN
 
 
 def _add_bound_reasons(parameters: Sequence[FreeParameter], z: Array, reasons: list[str]) -> None:

@@ -92,7 +92,8 @@ class NamedParameters:
     ) -> list[FreeParameter]:
         """Return the parameters to fit.
 
-        A name may be that of a list, or the last part of a longer name.
+        A name may be that of a list, or the last part of a longer name. Variances of a list that
+        are zero stay so.
 
         Raises
         ------
@@ -107,7 +108,7 @@ class NamedParameters:
                     raise ValueError(f'{kind}: {name} is not fitted; name it in fit, too')
         for name in chosen:
             free = self._places[name].free
-            if free.low >= 0.0 and not free.positive:
+            if free.is_zero:
                 raise ValueError(f'{name}: it is 0; give it a start above 0 to fit it from')
         self._chosen = [
             _constrain(self._places[name], all_bounds.get(name), all_priors.get(name))
@@ -133,7 +134,7 @@ class NamedParameters:
             return [name]
         group = [full for full in self._places if full.startswith(f'{name}.')]
         if group:
-            return group
+            return [full for full in group if not self._places[full].free.is_zero] or group
         ends = [full for full in self._places if full.endswith(f'.{name}')]
         inside = {full.partition(f'.{name}.')[0] for full in self._places if f'.{name}.' in full}
         if len(ends) + len(inside) > 1:
@@ -245,7 +246,7 @@ class NamedParameters:
                 if isinf(number):  # of a limit, none
                     continue
                 scale = None if scales is None or isinf(scales[index]) else scales[index]
-                variance = number > 0.0 and self._is_variance(name, index, len(value))
+                variance = self._is_variance(name, index, len(value))
                 least = max(low, 0.0) if variance else low
                 yield _Place(name, index, _free(full, number, least, about.maximum, unit, scale))
 

@@ -31,6 +31,8 @@ def topics_table(topics: Mapping[str, TopicRecord]) -> Table:
 def matches_table(proposals: Sequence[Proposal]) -> Table:
     """Return the scenarios that fit best: their sensors, with rate and noise as measured."""
     table = plain_table('', ('sensor', 'topic', 'Hz', 'noise'), 3)
+    for column in table.columns:  # noise takes several lines where the rest is wide
+        column.no_wrap, column.overflow = column is not table.columns[-1], 'fold'
     for proposal in proposals[:_SHOWN]:
         name = proposal.scenario
         for sensor, match in proposal.matches.items():

@@ -72,6 +72,9 @@ def load(
     named = NamedParameters(values, settings.extra)
     chosen = named.choose(list(fit) or named.usual, bounds, priors)
     replayed = replay_bag(Bag(bag), settings, start=part[0], end=part[1])
+    constant = [name for name in _constant(replayed) if name in named.names]
+    if any(parameter.name in constant for parameter in chosen):
+        chosen = named.choose(_changing(named, fit, constant), bounds, priors)
     observations = _observations(replayed, named)
     if observations.count < _LEAST * len(chosen):
         raise ValueError(
@@ -83,7 +86,44 @@ def load(
     conditions = Conditions(policy, idle_input(settings.scenario.model, options.idle_input))
     until = observations.until(1.0 - hold_out) if hold_out else None
     likelihood = Likelihood(chosen, named.candidate, observations, conditions, until)
-    return Recorded(likelihood, named, tuple(_notes(replayed, named, observations)))
+    notes = [*_notes(replayed, named, observations), *map(_about_constant, constant)]
+    return Recorded(likelihood, named, tuple(notes))
+
+
+def _constant(replayed: Replayed) -> Iterator[str]:
+    """Yield the names of the noise of coordinates whose readings are all the same."""
+    for name, sensor in replayed.sensors.items():
+        output = replayed.scenario.sensors[name].sensor.output
+        for coordinate, values in zip(output.names, sensor.value.T):
+            finite = values[np.isfinite(values)]
+            if len(finite) > 1 and (finite == finite[0]).all():
+                yield f'{name}.noise' if output.size == 1 else f'{name}.noise.{coordinate}'
+
+
+def _about_constant(name: str) -> str:
+    sensor, _, coordinate = name.partition('.noise')
+    return (
+        f'All readings of {sensor}{coordinate} are the same: no sensor takes them, and no noise '
+        'fits. Leave it out, or declare its noise.'
+    )
+
+
+def _changing(named: NamedParameters, fit: Sequence[str], constant: Sequence[str]) -> list[str]:
+    """Return what to fit without the noise of coordinates that do not change.
+
+    Raises
+    ------
+    ValueError
+        If such a noise is named alone, or if nothing else is left.
+    """
+    for name in fit:
+        if name in constant:
+            raise ValueError(f'fit: {name}: {_about_constant(name)}')
+    chosen = [each.name for each in named.choose(list(fit) or named.usual)]
+    left = [name for name in chosen if name not in constant]
+    if not left:
+        raise ValueError(f'fit: {_about_constant(constant[0])}')
+    return left
 
 
 def _observations(replayed: Replayed, named: NamedParameters) -> Observations:

@@ -77,10 +77,10 @@ def write_page(file: Path, folder: Path) -> None:
     rows = {
         name: [
             judge(each, examine(each, folder / name / each, 0.0))
-            for each in table
+            for each in some.recordings
             if (folder / name / each / 'doctor' / 'result.json').exists()
         ]
-        for name, table in SETS.items()
+        for name, some in SETS.items()
     }
     file.write_text(''.join(f'{line}\n' for line in _lines({k: v for k, v in rows.items() if v})))
 

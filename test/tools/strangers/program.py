@@ -41,7 +41,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         help='for one run of the doctor (default: %(default)g)',
     )  # fmt: skip
     options = parser.parse_args(argv)
-    chosen = SETS[options.set]
+    chosen = SETS[options.set].recordings
     try:
         refuse_unknown(options.names, chosen, 'recording')
         if options.page:

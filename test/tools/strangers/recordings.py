@@ -37,8 +37,8 @@ from .faults import (
     turned,
     uneven,
 )
-from .messages import FORMS, Form, write_recording
-from .systems import SYSTEMS, System
+from .messages import Form, write_recording
+from .systems import System
 
 DEGREE = radians(1.0)
 _TURN, _ACCELERATION = {'columns': slice(0, 3)}, {'columns': slice(3, 6)}
@@ -256,20 +256,10 @@ TABLE = (
     R('oven', 'room_noise', 104, 'noise', 'room', 3, '', on('room', noisy, 3)),
 )
 # fmt: on
-RECORDINGS = {recording.name: recording for recording in TABLE}
-
-
-def write(name: str, folder: str | Path) -> None:
-    """Write ``recording.mcap`` and ``robot.yaml`` of a recording into a new or an empty folder."""
-    recording = RECORDINGS[name]
-    write_files(recording, SYSTEMS[recording.system], folder)
 
 
 def write_files(
-    recording: Recording,
-    system: System,
-    folder: str | Path,
-    forms: Mapping[str, tuple[str, Form]] = FORMS,
+    recording: Recording, system: System, folder: str | Path, forms: Mapping[str, tuple[str, Form]]
 ) -> None:
     """Simulate a recording of a system, and write its two files."""
     rng = np.random.default_rng(recording.seed)

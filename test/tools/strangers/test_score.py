@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from .matching import NAMES, interval, is_right, is_tied
-from .recordings import RECORDINGS, TABLE
 from .score import Row, examine, judge, shares
+from .sets import RECORDINGS, SETS
 
 #: Kinds of faults without names of findings: only a finding of the same word names them.
 UNNAMED = {'model', 'clean'}
@@ -31,7 +31,7 @@ def row(name: str, *findings: dict[str, Any]) -> Row:
 
 
 def test_every_kind_of_fault_has_names_or_is_known_to_have_none() -> None:
-    assert {recording.kind for recording in TABLE} <= {*NAMES} | UNNAMED
+    assert {recording.kind for recording in SETS['first'].table} <= {*NAMES} | UNNAMED
 
 
 @pytest.mark.parametrize(

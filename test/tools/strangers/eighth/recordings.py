@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from ..faults import (
     Generator,
     all_noisy,
@@ -28,7 +26,7 @@ from ..faults import (
     shifted,
 )
 from ..fifth.recordings import shaken
-from ..recordings import DEGREE, Recording, write_files
+from ..recordings import DEGREE, Recording
 from ..second.faults import (
     declared_noise,
     delivered_in_blocks,
@@ -46,8 +44,6 @@ from ..seventh.recordings import jittery
 from ..simulation import Channel
 from ..sixth.faults import connected
 from ..third.faults import limited, magnetised, shifted_from, slipping
-from .messages import FORMS
-from .systems import SYSTEMS
 
 
 def north_first(channel: Channel, rng: Generator) -> None:
@@ -243,11 +239,3 @@ TABLE = (
     R('hydrofoil', 'ahrs_wanders', 923, 'random walk', 'attitude', 0.004, 'rad/sqrt(s)',
       on('attitude', wandering, 0.004, **_SECOND)),
 )
-# fmt: on
-RECORDINGS = {recording.name: recording for recording in TABLE}
-
-
-def write(name: str, folder: str | Path) -> None:
-    """Write ``recording.mcap`` and ``robot.yaml`` of a recording into a new or an empty folder."""
-    recording = RECORDINGS[name]
-    write_files(recording, SYSTEMS[recording.system], folder, FORMS)

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from ..faults import (
     Generator,
     all_noisy,
@@ -26,7 +24,7 @@ from ..faults import (
     shifted,
     swapped,
 )
-from ..recordings import DEGREE, Recording, write_files
+from ..recordings import DEGREE, Recording
 from ..second.faults import (
     declared_noise,
     delivered_in_blocks,
@@ -42,8 +40,6 @@ from ..second.faults import (
 )
 from ..simulation import Channel
 from ..third.faults import limited, shifted_from, slipping
-from .messages import FORMS
-from .systems import SYSTEMS
 
 
 def shaken(channel: Channel, rng: Generator, begin: float, seconds: float, factor: float) -> None:
@@ -231,11 +227,3 @@ TABLE = (
     R('plate', 'beta_reversed', 698, 'sign', 'input', -1, 'of beta',
       on('input', scaled, -1, **_SECOND)),
 )
-# fmt: on
-RECORDINGS = {recording.name: recording for recording in TABLE}
-
-
-def write(name: str, folder: str | Path) -> None:
-    """Write ``recording.mcap`` and ``robot.yaml`` of a recording into a new or an empty folder."""
-    recording = RECORDINGS[name]
-    write_files(recording, SYSTEMS[recording.system], folder, FORMS)

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from math import pi
-from pathlib import Path
 
 from ..faults import (
     all_noisy,
@@ -24,7 +23,7 @@ from ..faults import (
     swapped,
     turned,
 )
-from ..recordings import DEGREE, Recording, write_files
+from ..recordings import DEGREE, Recording
 from ..second.faults import (
     declared_noise,
     delivered_in_blocks,
@@ -37,8 +36,6 @@ from ..second.faults import (
     wandering,
 )
 from ..third.faults import limited, shifted_from, slipping
-from .messages import FORMS
-from .systems import SYSTEMS
 
 _X, _Y, _Z = ({'columns': slice(k, k + 1)} for k in range(3))
 _TURN, _AFT = {'columns': slice(0, 3)}, {'columns': slice(2, 3)}
@@ -218,11 +215,3 @@ TABLE = (
       alike='parameter'),
     R('vessel', 'west_rough', 596, 'noise', 'west', 2, '', on('west', noisy, 2)),
 )
-# fmt: on
-RECORDINGS = {recording.name: recording for recording in TABLE}
-
-
-def write(name: str, folder: str | Path) -> None:
-    """Write ``recording.mcap`` and ``robot.yaml`` of a recording into a new or an empty folder."""
-    recording = RECORDINGS[name]
-    write_files(recording, SYSTEMS[recording.system], folder, FORMS)

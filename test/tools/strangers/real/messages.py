@@ -30,8 +30,8 @@ def _echo(stamp: int, y: Sequence[float]) -> bytes:
 
 
 #: The type and the bytes of each form, those of the other sets included.
-ALL_FORMS: dict[str, tuple[str, Form]] = {
-    **messages.ALL_FORMS,
+FORMS: dict[str, tuple[str, Form]] = {
+    **messages.FORMS,
     'place': ('sensor_msgs/msg/NavSatFix', _place),
     'attitude': ('sensor_msgs/msg/Imu', _attitude),
     'echo': ('sensor_msgs/msg/JointState', _echo),

@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 from math import pi
-from pathlib import Path
 
 from ..faults import (
     disturbed,
@@ -21,11 +20,9 @@ from ..faults import (
     scaled,
     shifted,
 )
-from ..recordings import DEGREE, Recording, write_files
+from ..recordings import DEGREE, Recording
 from ..second.faults import exchanged, tilted
 from .faults import hissing, offset, spun
-from .messages import ALL_FORMS
-from .systems import SYSTEMS
 
 _TURN = {'columns': slice(0, 3)}
 _FIRST, _SECOND, _THIRD = ({'columns': slice(k, k + 1)} for k in range(3))
@@ -193,11 +190,3 @@ TABLE = (
     R['imu_optical']('imu_sign', 467, 'sign', 'input', -1, 'of its rates',
       on('input', scaled, -1, **_TURN)),
 )
-# fmt: on
-RECORDINGS = {recording.name: recording for recording in TABLE}
-
-
-def write(name: str, folder: str | Path) -> None:
-    """Write ``recording.mcap`` and ``robot.yaml`` of a recording into a new or an empty folder."""
-    recording = RECORDINGS[name]
-    write_files(recording, SYSTEMS[recording.system], folder, ALL_FORMS)

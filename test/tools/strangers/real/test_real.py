@@ -12,13 +12,12 @@ import kalman_ros as kr
 from ..matching import is_own, is_right
 from ..messages import EPOCH
 from ..program import main
-from ..recordings import Recording, edited
+from ..recordings import Recording
 from ..score import judge
-from ..sets import SETS
+from ..sets import RECORDINGS, SETS, write
 from ..simulation import Readings
-from .recordings import OWN, RECORDINGS, TABLE, write
+from .recordings import OWN
 from .sources import AbsentError
-from .systems import SYSTEMS
 
 
 def written(name: str, folder: Path) -> Path:
@@ -32,13 +31,10 @@ def written(name: str, folder: Path) -> Path:
 
 def read(recording: Recording) -> Readings:
     """Return the readings of a recording with its fault; skips as well."""
-    rng = np.random.default_rng(recording.seed)
     try:
-        readings = SYSTEMS[recording.system].simulate(rng, {})
+        return SETS['real'].readings(recording)
     except AbsentError as error:
         pytest.skip(str(error))
-    recording.fault(readings, rng)
-    return readings
 
 
 def pair(name: str) -> tuple[Readings, Readings]:
@@ -47,26 +43,11 @@ def pair(name: str) -> tuple[Readings, Readings]:
     return read(recording), read(RECORDINGS[f'{recording.system}_as_is'])
 
 
-def test_names_are_unique_among_all_sets_and_seeds_in_each() -> None:
-    everything = [recording for each in SETS.values() for recording in each.values()]
-    assert len({recording.name for recording in everything}) == len(everything)
-    for each in SETS.values():
-        assert len({recording.seed for recording in each.values()}) == len(each)
-    assert len(RECORDINGS) == len(TABLE)
-    assert {*OWN} == {*SYSTEMS} == {recording.system for recording in TABLE}
-
-
 def test_only_recordings_as_they_are_have_no_fault() -> None:
-    for recording in TABLE:
+    assert {*OWN} == {*SETS['real'].systems}
+    for recording in SETS['real'].table:
         changed = recording.fault is not Recording.fault or bool(recording.edits)
         assert changed == (recording.label != 'as_is') == (recording.kind != 'clean')
-
-
-@pytest.mark.parametrize('name', RECORDINGS)
-def test_the_parameter_file_of_a_real_robot_is_accepted(name: str, tmp_path: Path) -> None:
-    file = tmp_path / 'robot.yaml'
-    file.write_text(edited(RECORDINGS[name], SYSTEMS[RECORDINGS[name].system]))
-    assert len(kr.load(file).sensors) > 1
 
 
 @pytest.mark.parametrize('name', ['lidar_radar_lidar_lost', 'driven_pendulum_position_noise'])
@@ -77,7 +58,7 @@ def test_a_real_recording_has_the_same_bytes_again(name: str, tmp_path: Path) ->
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('system', SYSTEMS)
+@pytest.mark.parametrize('system', SETS['real'].systems)
 def test_a_recording_as_it_is_is_replayed(system: str, tmp_path: Path) -> None:
     folder = written(f'{system}_as_is', tmp_path)
     run = kr.replay(folder / 'recording.mcap', folder / 'robot.yaml', end=15.0)
@@ -175,7 +156,7 @@ def test_without_the_data_the_program_says_so_in_a_line(
 ) -> None:
     monkeypatch.setenv('KALMAN_ROS_DATA', str(tmp_path / 'none'))
     main(['--set', 'real', '--list'])
-    assert len(capsys.readouterr().out.splitlines()) == len(TABLE)
+    assert len(capsys.readouterr().out.splitlines()) == len(SETS['real'].table)
     with pytest.raises(SystemExit):
         main(['--set', 'real', '--out', str(tmp_path), 'car_60s_as_is'])
     said = capsys.readouterr().err

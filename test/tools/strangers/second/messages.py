@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..messages import DATUM, FORMS, Body, Form, fix_body, joint, vectors
+from ..messages import DATUM, Body, Form, fix_body, joint, vectors
+from ..messages import FORMS as OTHERS
 
 
 def _altitude(stamp: int, y: Sequence[float]) -> bytes:
@@ -38,8 +39,8 @@ _POSE = 'geometry_msgs/msg/PoseWithCovarianceStamped'
 _JOINT = 'sensor_msgs/msg/JointState'
 _WRENCH = 'geometry_msgs/msg/WrenchStamped'
 #: The type and the bytes of each form, those of the first set included.
-ALL_FORMS: dict[str, tuple[str, Form]] = {
-    **FORMS,
+FORMS: dict[str, tuple[str, Form]] = {
+    **OTHERS,
     'altitude': ('sensor_msgs/msg/NavSatFix', _altitude),
     'fix_with_covariance': ('sensor_msgs/msg/NavSatFix', _fix_with_covariance),
     'pose_with_covariance': (_POSE, _pose_with_covariance),

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from math import pi
-from pathlib import Path
 
 from ..faults import (
     all_noisy,
@@ -28,7 +27,7 @@ from ..faults import (
     shifted,
     uneven,
 )
-from ..recordings import DEGREE, Recording, write_files
+from ..recordings import DEGREE, Recording
 from .faults import (
     dead,
     declared_noise,
@@ -45,8 +44,6 @@ from .faults import (
     tilted,
     wandering,
 )
-from .messages import ALL_FORMS
-from .systems import SYSTEMS
 
 _X, _TURN = {'columns': slice(0, 1)}, {'columns': slice(0, 3)}
 
@@ -312,11 +309,3 @@ TABLE = (
     R('arm', 'gyro_lag', 332, 'lag', 'gyro', 0.15, 's', on('gyro', lagging, 0.15),
       alike='delay'),
 )
-# fmt: on
-RECORDINGS = {recording.name: recording for recording in TABLE}
-
-
-def write(name: str, folder: str | Path) -> None:
-    """Write ``recording.mcap`` and ``robot.yaml`` of a recording into a new or an empty folder."""
-    recording = RECORDINGS[name]
-    write_files(recording, SYSTEMS[recording.system], folder, ALL_FORMS)

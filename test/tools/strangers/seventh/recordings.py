@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from ..faults import (
@@ -29,7 +27,7 @@ from ..faults import (
     swapped,
 )
 from ..fifth.recordings import shaken
-from ..recordings import DEGREE, Recording, write_files
+from ..recordings import DEGREE, Recording
 from ..second.faults import (
     declared_noise,
     delivered_in_blocks,
@@ -45,8 +43,6 @@ from ..second.faults import (
 )
 from ..simulation import Channel
 from ..third.faults import limited, magnetised, shifted_from, slipping
-from .messages import FORMS
-from .systems import SYSTEMS
 
 
 def jittery(channel: Channel, rng: Generator, most: float) -> None:
@@ -239,11 +235,3 @@ TABLE = (
     R('mixer', 'interference', 821, 'disturbed', 'flow', 4, 'of the noise for 40 s',
       on('flow', shaken, 150, 40, 4)),
 )
-# fmt: on
-RECORDINGS = {recording.name: recording for recording in TABLE}
-
-
-def write(name: str, folder: str | Path) -> None:
-    """Write ``recording.mcap`` and ``robot.yaml`` of a recording into a new or an empty folder."""
-    recording = RECORDINGS[name]
-    write_files(recording, SYSTEMS[recording.system], folder, FORMS)

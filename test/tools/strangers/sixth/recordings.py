@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from ..faults import (
     all_noisy,
     batched,
@@ -28,7 +26,7 @@ from ..faults import (
     uneven,
 )
 from ..fifth.recordings import shaken
-from ..recordings import DEGREE, Recording, write_files
+from ..recordings import DEGREE, Recording
 from ..second.faults import (
     declared_noise,
     delivered_in_blocks,
@@ -45,8 +43,6 @@ from ..second.faults import (
 )
 from ..third.faults import crossed, magnetised, shifted_from, slipping
 from .faults import connected, failing, geared, jittering, unsteady
-from .messages import FORMS
-from .systems import SYSTEMS
 
 _FIRST, _SECOND = ({'columns': slice(k, k + 1)} for k in range(2))
 _TURN = {'columns': slice(0, 3)}
@@ -238,11 +234,3 @@ TABLE = (
     R('stage', 'correlated', 818, 'correlated noise', 'lasers geophones', 0.9, '',
       shared('lasers', 'geophones', 0.9, 40 / 3)),
 )
-# fmt: on
-RECORDINGS = {recording.name: recording for recording in TABLE}
-
-
-def write(name: str, folder: str | Path) -> None:
-    """Write ``recording.mcap`` and ``robot.yaml`` of a recording into a new or an empty folder."""
-    recording = RECORDINGS[name]
-    write_files(recording, SYSTEMS[recording.system], folder, FORMS)

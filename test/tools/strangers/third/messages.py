@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 
 from ..messages import Body, Form, joint, vectors
-from ..second.messages import ALL_FORMS
+from ..second.messages import FORMS as OTHERS
 
 
 def _place_and_yaw(stamp: int, y: Sequence[float]) -> bytes:
@@ -40,7 +40,7 @@ _TWIST = 'geometry_msgs/msg/TwistStamped'
 _WRENCH = 'geometry_msgs/msg/WrenchStamped'
 #: The type and the bytes of each form, those of the other sets included.
 FORMS: dict[str, tuple[str, Form]] = {
-    **ALL_FORMS,
+    **OTHERS,
     'place_and_yaw': ('geometry_msgs/msg/PoseWithCovarianceStamped', _place_and_yaw),
     'legs': ('nav_msgs/msg/Odometry', _legs),
     'battery': ('sensor_msgs/msg/BatteryState', _battery),

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from ..faults import (
     all_noisy,
     both,
@@ -23,7 +21,7 @@ from ..faults import (
     scaled,
     shifted,
 )
-from ..recordings import DEGREE, Recording, write_files
+from ..recordings import DEGREE, Recording
 from ..second.faults import (
     declared_noise,
     delivered_in_blocks,
@@ -39,8 +37,6 @@ from ..second.faults import (
     wandering,
 )
 from .faults import crossed, limited, magnetised, repeated, shifted_from, slipping
-from .messages import FORMS
-from .systems import SYSTEMS
 
 _X, _Y, _Z = ({'columns': slice(k, k + 1)} for k in range(3))
 _TURN, _FORCE = {'columns': slice(0, 3)}, {'columns': slice(3, 6)}
@@ -246,11 +242,3 @@ TABLE = (
       edits={'[0.0, 0.0, 10.0, 0.0, 0.0, 0.6,': '[0.0, 0.0, 10.0, 0.0, 0.0, 1.5,'}),
 )
 # fmt: on
-#: Without those of MuJoCo where it cannot be imported.
-RECORDINGS = {recording.name: recording for recording in TABLE if recording.system in SYSTEMS}
-
-
-def write(name: str, folder: str | Path) -> None:
-    """Write ``recording.mcap`` and ``robot.yaml`` of a recording into a new or an empty folder."""
-    recording = RECORDINGS[name]
-    write_files(recording, SYSTEMS[recording.system], folder, FORMS)
