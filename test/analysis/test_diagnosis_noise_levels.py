@@ -9,7 +9,7 @@ from tools.doctor_score.recordings import Injection, recorded
 
 from kalman_ros.analysis.diagnosis import noise_levels
 from kalman_ros.analysis.diagnosis.diagnose import diagnose
-from kalman_ros.analysis.diagnosis.finding import Finding, NoiseLevel
+from kalman_ros.analysis.diagnosis.finding import DensityLevel, Finding, NoiseLevel
 
 
 @pytest.fixture(scope='module')
@@ -74,6 +74,32 @@ def test_what_comes_back_to_the_declared_noise_is_no_finding(evidence):
         changed([1, 2], [0.002, 0.005, 0.005], [0.002, 0.05, 0.055], 60.0),
     ])  # fmt: skip
     assert stated(findings) == [('noise too large', 'odometry.vx', 30.0)]
+
+
+def density(factor, after, gain, certainty=0.5):
+    change = {'model_parameters.turn_noise': after}
+    way = 'small' if factor > 1.0 else 'large'
+    return Finding(
+        f'process noise too {way}', 'turn_noise', '?', 3.0, change, gain=gain,
+        density=DensityLevel('turn_noise', factor, 0.1, change), certainty=certainty,
+    )  # fmt: skip
+
+
+def test_changes_of_a_process_noise_are_one(evidence):
+    """Too small by 9 at first, and by 1.8 too large after other causes: by 5, after all."""
+    bias = Finding('bias', 'imu', 'readings of imu are off', 4.0, gain=40.0)
+    findings = noise_levels.restated(
+        evidence, [density(9.0, 8.1, 900.0), bias, density(1 / 1.8, 2.5, 40.0, 0.99)]
+    )
+    expected = [('process noise too small', 'turn_noise', 940.0), ('bias', 'imu', 40.0)]
+    assert stated(findings) == expected
+    assert findings[0].change == {'model_parameters.turn_noise': 2.5}
+    assert findings[0].certainty == 0.99
+    assert 'its root by a factor of 5 (' in findings[0].sentence
+    assert findings[0].sentence.endswith(': 2.5 fits.')
+    alone = [density(9.0, 8.1, 900.0), bias]
+    assert noise_levels.restated(evidence, alone) == alone
+    assert noise_levels.restated(evidence, [density(2.0, 4.0, 9.0), density(0.55, 1.2, 9.0)]) == []
 
 
 @pytest.mark.thorough

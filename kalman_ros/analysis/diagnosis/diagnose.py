@@ -20,6 +20,8 @@ from math import inf
 
 import numpy as np
 
+from kalman_ros.analysis.records import SensorRecord
+
 from . import (
     backlash,
     bias,
@@ -96,8 +98,9 @@ _BESIDE, _DELAYS = 0.2, ('stamps late', 'stamps early')
 _OFFSETS = ('bias', 'drift', 'random walk')
 #: A change is proven by a replay of the first seconds if it explains this share of the misfit. A
 #: smaller effect is hidden by the other faults, which the replay does not correct.
-#: Sensors of the change that begin later prolong the replay, by at most _LATEST s.
-PROOF, _PROVEN, _LATEST = 20.0, 0.01, 100.0
+#: The replay is longer where the sensors of the change move later, by at most _LATEST s: where a
+#: reading differs from the first one by _MOVED standard deviations.
+PROOF, _PROVEN, _LATEST, _MOVED = 20.0, 0.01, 100.0, 5.0
 #: A share of the misfit below this is little.
 _LITTLE = 0.05
 #: A cause of a smaller certainty is a note; a first one whose replay fits worse has no more than
@@ -349,14 +352,23 @@ def _limit_kinds(findings: Sequence[Finding]) -> list[Finding]:
 
 
 def _proof_seconds(evidence: Evidence, finding: Finding) -> float:
-    """Return how much of a recording is replayed: `PROOF`, after the sensors of a change begin."""
+    """Return how much of a recording is replayed: `PROOF` after what a change concerns moves.
+
+    Before, a robot at rest shows neither a scale nor a delay.
+    """
+    moves = {name: _moves(record) for name, record in evidence.sensors.items() if len(record)}
     named = {name.partition('.')[0] for name in finding.change}
-    begins = [
-        float(record.received[0])
-        for name, record in evidence.sensors.items()
-        if name in named and len(record)
-    ]
-    return PROOF + min(max(begins, default=0.0), _LATEST)
+    of_sensors = [time for name, time in moves.items() if name in named]
+    begin = max(of_sensors) if of_sensors else min(moves.values(), default=evidence.start)
+    return PROOF + min(begin - evidence.start, _LATEST)
+
+
+def _moves(record: SensorRecord) -> float:
+    """Return when a reading differs from the first one by more than noise, or is the first."""
+    with np.errstate(invalid='ignore'):
+        std = np.sqrt(record.covariance.diagonal(axis1=1, axis2=2))
+        moved = (np.abs(record.value - record.value[0]) > _MOVED * std).any(axis=1)
+    return float(record.received[int(np.argmax(moved))])
 
 
 def _prove(evidence: Evidence, finding: Finding) -> Finding:

@@ -54,6 +54,27 @@ class NoiseLevel(NamedTuple):
     spread: float
 
 
+class DensityLevel(NamedTuple):
+    """A changed process noise.
+
+    Parameters
+    ----------
+    name
+        Name of the parameter.
+    factor
+        Factor of its root.
+    spread
+        Half of the interval of the factor, of its logarithm.
+    change
+        Parameters that change it.
+    """
+
+    name: str
+    factor: float
+    spread: float
+    change: Mapping[str, Any]
+
+
 @dataclass(frozen=True)
 class Finding:
     """A fault of a recording or of the parameters.
@@ -116,6 +137,8 @@ class Finding:
         Whether its correction takes other causes with it, so that the search goes on without.
     level
         Noise that it changes, if it is about the noise of a sensor.
+    density
+        Process noise that it changes, if it is about one.
     """
 
     kind: str
@@ -143,6 +166,7 @@ class Finding:
     passage: Passage | None = field(default=None, repr=False, compare=False)
     absorbs: bool = False
     level: NoiseLevel | None = field(default=None, repr=False, compare=False)
+    density: DensityLevel | None = field(default=None, repr=False, compare=False)
 
     @property
     def cautious(self) -> bool:

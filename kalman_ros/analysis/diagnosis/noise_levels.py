@@ -16,7 +16,7 @@ from kalman_ros.scenario.parameter_text import yaml_value
 
 from .evidence import Evidence
 from .examination import CHANCE, Examination
-from .finding import Curve, Figure, Finding, NoiseLevel
+from .finding import Curve, DensityLevel, Figure, Finding, NoiseLevel
 from .parameters import parameter
 from .refilter import misfits
 
@@ -116,20 +116,47 @@ def restated(evidence: Evidence, findings: Sequence[Finding]) -> list[Finding]:
 
     All changes of the noise of a sensor become one finding, or two if some of its coordinates are
     declared too small and others too large, in the place of the first of them. Each has the gain
-    of its coordinates, and what fits after all changes.
+    of its coordinates, and what fits after all changes. All changes of a process noise become one,
+    or none if they cancel.
     """
     changes: dict[str, list[Finding]] = {}
     for finding in findings:
         if finding.level is not None:
             changes.setdefault(finding.level.sensor, []).append(finding)
     found = list[Finding]()
-    for finding in findings:
+    for finding in _densities_joined(findings):
         level = finding.level
         if level is None or len(changes[level.sensor]) == 1:
             found.append(finding)
         elif finding is changes[level.sensor][0]:
             found += _joined(evidence, changes[level.sensor])
     return found
+
+
+def _densities_joined(findings: Sequence[Finding]) -> Iterator[Finding]:
+    """Yield findings with one for all changes of a process noise, in the place of the first."""
+    changes: dict[str, list[Finding]] = {}
+    for finding in findings:
+        if finding.density is not None:
+            changes.setdefault(finding.density.name, []).append(finding)
+    for finding in findings:
+        if finding.density is None or len(changes[finding.density.name]) == 1:
+            yield finding
+        elif finding is changes[finding.density.name][0]:
+            yield from _net(changes[finding.density.name])
+
+
+def _net(changes: Sequence[Finding]) -> Iterator[Finding]:
+    """Yield the finding that changes of one process noise in turn come to, if it is relevant."""
+    levels = [each.density for each in changes if each.density is not None]
+    factor = float(np.prod([level.factor for level in levels]))
+    net = levels[-1]._replace(factor=factor, spread=max(level.spread for level in levels))
+    if abs(np.log(factor)) > np.log(_RELEVANT):
+        gain = sum(each.gain for each in changes)
+        yield replace(
+            max(changes, key=lambda each: each.gain), **_density_stated(net), density=net,
+            gain=gain, z=gain**0.5, certainty=max(each.certainty for each in changes), same_as=(),
+        )  # fmt: skip
 
 
 def _joined(evidence: Evidence, changes: Sequence[Finding]) -> Iterator[Finding]:
@@ -237,21 +264,29 @@ def _with_covariance(evidence: Evidence, name: str, covariance: Array) -> Eviden
 def _process_finding(
     case: Examination, name: str, factor: float, gain: float, spread: float
 ) -> list[Finding]:
-    way, size = _describe([factor], spread)
     found = parameter(case.evidence, name)
     change = found.change(found.value * factor**2)
     try:
         mended = case.evidence.adopting(change)
     except ValueError:
         return []
+    level = DensityLevel(name, factor, spread, change)
     finding = Finding(
-        f'process noise too {way}', name,
-        f'the process noise {name} is too {way}, its root {size}: '
-        f'{yaml_value(next(iter(change.values())))} fits.',
-        gain**0.5, change, gain=gain, mended=lambda: mended,
+        **_density_stated(level), z=gain**0.5, gain=gain, mended=lambda: mended, density=level,
         figure=innovations(case, case.passage.events[0].sensor, 0),
     )  # fmt: skip
     return [finding]
+
+
+def _density_stated(level: DensityLevel) -> dict[str, Any]:
+    """Return the kind, the subject, the sentence and the change of a finding."""
+    way, size = _describe([level.factor], level.spread)
+    value = yaml_value(next(iter(level.change.values())))
+    sentence = f'the process noise {level.name} is too {way}, its root {size}: {value} fits.'
+    kind = f'process noise too {way}'
+    return {
+        'kind': kind, 'subject': level.name, 'sentence': sentence, 'change': level.change,
+    }  # fmt: skip
 
 
 def innovations(case: Examination, name: str, index: int) -> Figure:

@@ -43,6 +43,7 @@ def find(case: Examination) -> Iterator[Finding]:
             yield from _find_backward(case, name, record)
             yield from _find_rounded(name, record)
             yield from _find_clock_error(case, name, record)
+    yield from _find_future_inputs(case.evidence)
 
 
 def latency(record: SensorRecord) -> Array:
@@ -199,7 +200,7 @@ def _selection(case: Examination, name: str, record: SensorRecord, rows: Any) ->
 
 def _find_clock_error(case: Examination, name: str, record: SensorRecord) -> Iterator[Finding]:
     """Yield an offset or a drift of the clock of the stamps relative to the recorder."""
-    evidence, delays = case.evidence, latency(record)
+    evidence, delays = case.evidence, _uncorrected(case.evidence, name)
     stamped = record.stamped
     delays, received = delays[stamped], record.received[stamped]
     if len(delays) < 3:
@@ -229,6 +230,28 @@ def _find_clock_error(case: Examination, name: str, record: SensorRecord) -> Ite
         )  # fmt: skip
 
 
+def _find_future_inputs(evidence: Evidence) -> Iterator[Finding]:
+    """Yield a finding if inputs are stamped after they are received."""
+    received, stamp = evidence.inputs.received, evidence.inputs.stamp
+    if len(stamp) < 3:
+        return
+    offset = 1e-9 * evidence.scenario.input.stamp_offset
+    level = float(np.median(received - stamp)) + offset
+    if level < -_AHEAD:
+        yield Finding(
+            'clock offset', 'input',
+            f'stamps of the input are {-level:.3g} s ahead of the recorder'
+            f'{_delays_of_others(evidence)}. Synchronise the clocks, or stamp on receipt.',
+            inf, mended=lambda: evidence.with_late_inputs(level),
+        )  # fmt: skip
+
+
+def _uncorrected(evidence: Evidence, name: str) -> Array:
+    """Return the latency by the stamps in the messages, which a file may correct (N,)."""
+    offset = 1e-9 * evidence.scenario.sensors[name].signal.stamp_offset
+    return np.round(latency(evidence.sensors[name]) + offset, 9)
+
+
 def _improves_fit(case: Examination, mended: Evidence) -> bool:
     """Return whether the readings fit the other sensors better with the corrected stamps.
 
@@ -240,9 +263,9 @@ def _improves_fit(case: Examination, mended: Evidence) -> bool:
     return explained(case.passage, passage(mended)) > CHANCE * max(1.0, dispersion)
 
 
-def _delays_of_others(evidence: Evidence, name: str) -> str:
+def _delays_of_others(evidence: Evidence, name: str = '') -> str:
     delays = {
-        other: float(np.median(latency(record)))
+        other: float(np.median(_uncorrected(evidence, other)))
         for other, record in evidence.sensors.items()
         if other != name and len(record)
     }

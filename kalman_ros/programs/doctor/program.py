@@ -153,7 +153,7 @@ def show(
 
     if diagnosis.findings:
         console.print(findings_table(diagnosis))
-        replayed = f'{PROOF:g} s from the start of its sensor, with this change alone'
+        replayed = f'the first {PROOF:g} s in which its sensor moves, with this change alone'
         console.print(f'By replay: {replayed}.', style='dim')
         console.print()
     for sentence in (*sentences(diagnosis), *unexplained(failed)):

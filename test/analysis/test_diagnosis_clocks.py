@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Clocks that are ahead of the recorder, and what the owner of a file corrects on purpose."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tools.doctor_score.recordings import recorded
+
+from kalman_ros.analysis.diagnosis import diagnose as diagnose_module
+from kalman_ros.analysis.diagnosis import stamps
+from kalman_ros.analysis.diagnosis.examination import Examination
+from kalman_ros.analysis.diagnosis.finding import Finding
+
+OFFSET = 'mass_spring_damper'
+
+
+@pytest.fixture(scope='module')
+def spring():
+    return recorded(OFFSET, None, 10.0, 3)
+
+
+def of_clocks(evidence):
+    found = stamps.find(Examination(evidence, strict=False))
+    return [each for each in found if each.kind == 'clock offset']
+
+
+def moved(evidence, name, seconds):
+    """Return a recording in which the stamps of a sensor are ``seconds`` later."""
+    record = evidence.sensors[name]
+    return evidence.with_sensor(name, replace(record, stamp=record.stamp + seconds))
+
+
+def test_a_corrected_stamp_may_be_ahead_of_the_recorder(spring):
+    """The owner says when a reading was taken; what is ahead of the recorder is no clock then."""
+    name, source = 'position', spring.scenario.sensors['position']
+    signal = replace(source.signal, stamp_offset=300_000_000)
+    sensors = {**spring.scenario.sensors, name: replace(source, signal=signal)}
+    corrected = replace(spring, scenario=replace(spring.scenario, sensors=sensors))
+    assert [each.subject for each in of_clocks(moved(spring, name, 0.3))] == [name]
+    assert of_clocks(moved(corrected, name, 0.3)) == []
+    assert [each.subject for each in of_clocks(moved(corrected, name, 0.6))] == [name]
+
+
+def test_inputs_from_the_future_are_an_offset_of_their_clock(spring):
+    assert len(spring.inputs.stamp) > 3 and of_clocks(spring) == []
+    late = replace(spring, inputs=replace(spring.inputs, stamp=spring.inputs.received + 0.2))
+    (found,) = of_clocks(late)
+    assert found.subject == 'input'
+    assert 'stamps of the input are 0.2 s ahead of the recorder (received - stamp of others: ' in (
+        found.sentence
+    )
+    np.testing.assert_allclose(found.mended().inputs.stamp, late.inputs.received, atol=1e-9)
+
+
+def test_a_proof_begins_where_the_sensor_of_the_change_moves(spring):
+    name, record = 'position', spring.sensors['position']
+    begin = float(record.received[0]) - spring.start
+    resting, late = record.value.copy(), len(record) // 2
+    resting[:late] = resting[0]
+    resting[late:] += 1.0
+    rests = spring.with_values(name, resting)
+    change = Finding('scale', name, 'it is off', 9.0, {f'{name}.noise': [0.1]})
+    seconds = diagnose_module._proof_seconds
+    assert seconds(rests, change) == pytest.approx(20.0 + record.received[late] - spring.start)
+    still = spring.with_values(name, np.zeros_like(resting))
+    assert seconds(still, change) == pytest.approx(20.0 + begin)
+    # of a parameter of the model, the first sensor that moves
+    of_model = replace(change, change={'model_parameters.mass': 2.0})
+    begins = {each: diagnose_module._moves(spring.sensors[each]) for each in spring.sensors}
+    del begins[name]
+    assert seconds(rests, of_model) == pytest.approx(20.0 + min(begins.values()) - spring.start)
