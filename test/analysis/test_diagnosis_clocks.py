@@ -58,7 +58,7 @@ def test_a_proof_begins_where_the_sensor_of_the_change_moves(spring):
     begin = float(record.received[0]) - spring.start
     resting, late = record.value.copy(), len(record) // 2
     resting[:late] = resting[0]
-    resting[late:] += 1.0
+    resting[late:] += 100.0
     rests = spring.with_values(name, resting)
     change = Finding('scale', name, 'it is off', 9.0, {f'{name}.noise': [0.1]})
     seconds = diagnose_module._proof_seconds
