@@ -52,7 +52,7 @@ FAULTS = {
     'noise too large': Injection(estimator={'velocity.noise': [2.0]}),
     'process noise too small': Injection(plant={'model_parameters.force_noise': 3.0}),
     'process noise too large': Injection(estimator={'model_parameters.force_noise': 5.0}),
-    'first belief too narrow': Injection(estimator={'initial_std': [0.03, 0.05]}),
+    'initial belief too narrow': Injection(estimator={'initial_std': [0.03, 0.05]}),
     'disturbance': Injection(body={'disturbance_amplitude': [1.5], 'disturbance_frequency': 0.9}),
 }
 
@@ -61,7 +61,7 @@ FAULTS = {
 MORE = [
     'losses in bursts', 'jitter', 'stamps backward', 'frozen', 'unit', 'clock offset', 'quantised',
     'noise too large', 'process noise too small', 'stamps zero', 'delay', 'outliers',
-    'disturbance', 'first belief too narrow', 'process noise too large',
+    'disturbance', 'initial belief too narrow', 'process noise too large',
 ]  # fmt: skip
 
 

@@ -103,4 +103,4 @@ def test_gravity_in_an_acceleration_by_the_tilt_of_a_mounting():
     tilted = values_of(lambda y: y + np.array([9.81 * np.sin(radians(10.0)), 0.0]))
     names, _ = findings('gnss_imu', Injection(edits={'imu': tilted}), seconds=12.0)
     # the model has this bias as a state: it is its first belief that was too narrow
-    assert names[0][0] in ('bias', 'first belief too narrow')
+    assert names[0][0] in ('bias', 'initial belief too narrow')

@@ -132,7 +132,7 @@ def test_a_first_belief_is_too_narrow_from_a_half_more_than_its_deviation(size, 
     """With a gain of two a state more than chance."""
     labels = [('first', 'x'), ('first', 'v')]
     findings = first_belief.find(responding(labels, [size, 0.0], [std, std]))
-    assert kinds(findings) == (['first belief too narrow'] if found else [])
+    assert kinds(findings) == (['initial belief too narrow'] if found else [])
 
 
 def test_a_first_belief_is_widened_where_its_error_is_significant():
@@ -298,6 +298,15 @@ def test_in_a_short_recording_a_value_is_frozen_for_a_twentieth_of_it(run, found
     assert len(value) == 320
     rows = frozen.repeats(record(0.01 * np.arange(320), value=value))
     assert (rows is not None) is found
+
+
+@pytest.mark.parametrize(('jump', 'found'), [(1.0, False), (3.0, True)])
+def test_a_rounded_value_may_rest_between_the_next_steps(jump, found):
+    """It rests for 2 s where the motion is slow; a driver that repeats leaves it with a jump."""
+    moving = 0.5 * np.array([0, 1, 2, 3, 2, 1, 0, -1, -2, -1] * 20)
+    value = np.concatenate((moving, np.full(20, -1.0), -1.0 + 0.5 * jump + moving))
+    findings = frozen.find(case(record(0.1 * np.arange(len(value)), value=value)))
+    assert kinds(findings) == (['frozen'] if found else [])
 
 
 @pytest.mark.parametrize(('count', 'found'), [(10, False), (11, True)])

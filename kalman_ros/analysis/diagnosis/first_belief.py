@@ -29,7 +29,7 @@ def find(case: Examination) -> list[Finding]:
     change = {'initial_std': [float(f'{value:.3g}') for value in std]}
     return [
         Finding(
-            'first belief too narrow',
+            'initial belief too narrow',
             'initial_std',
             f'at the start {space.names[worst]} was {error[worst]:.3g} standard deviations from '
             f'initial_estimate ({belief.mean[worst]:g} ± {belief.std[worst]:.3g}): widen '

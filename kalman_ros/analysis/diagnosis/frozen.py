@@ -13,6 +13,7 @@ from kalman_ros.core import Array
 
 from .examination import Examination
 from .finding import Curve, Figure, Finding
+from .quantisation import grid
 
 #: A value is frozen if it is repeated this number of times, and for this time in seconds or, of a
 #: short recording, this share of it, but no less than the last number.
@@ -20,6 +21,8 @@ _REPEATED, _FROZEN, _SHARE, _SHORTEST = 10, 0.5, 0.05, 0.15
 #: Mean of normalised squares up to which readings of zero are those of a body at rest, and what is
 #: as good as zero, in declared standard deviations.
 _AGREES, _NOTHING = 2.0, 1e-6
+#: Readings on both sides of a value that is rounded differ from it by less than this many steps.
+_NEXT = 1.5
 
 
 def find(case: Examination) -> list[Finding]:
@@ -46,9 +49,21 @@ def _rests(case: Examination, name: str, record: SensorRecord, rows: Array) -> b
     return e.size > 0 and float(np.mean(np.square(e))) < _AGREES
 
 
+def _is_rounded(record: SensorRecord, rows: Array) -> bool:
+    """Return whether the value is that of a step, and the readings about it are of the next ones.
+
+    A reading that is rounded repeats while what it measures changes by less than a step.
+    """
+    about = [index for index in (rows[0] - 1, rows[-1] + 1) if 0 <= index < len(record)]
+    steps = [grid(column[np.isfinite(column)]) for column in record.value.T]
+    known = np.array([np.nan if step is None else step for step in steps])
+    jumps = np.abs(record.value[about] - record.value[rows[0]])
+    return bool(about) and bool((jumps < _NEXT * known).all())
+
+
 def _frozen(case: Examination, name: str, record: SensorRecord) -> Iterator[Finding]:
     rows, evidence = repeats(record), case.evidence
-    if rows is None or _rests(case, name, record, rows):
+    if rows is None or _rests(case, name, record, rows) or _is_rounded(record, rows):
         return
     seconds = float(np.ptp(record.stamp[rows]))
     start = float(record.stamp[rows][0]) - evidence.start

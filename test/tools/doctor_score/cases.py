@@ -230,7 +230,7 @@ def _models() -> list[Case]:
     ]  # fmt: skip
     for scenario, std in sure.items():
         narrow = Injection(estimator={'initial_std': std})
-        faults.append(Case('first_belief', scenario, narrow, ('first belief too narrow',)))
+        faults.append(Case('first_belief', scenario, narrow, ('initial belief too narrow',)))
     return faults
 
 

@@ -28,7 +28,7 @@ NAMES = {
     'mounting': ('rotated',), 'frame': ('rotated', 'disturbed'),
     'axes': ('swapped', 'rotated'), 'delay': ('stamps late',),
     'clock offset': ('stamps early', 'stamps late', 'clock offset'), 'frozen': ('frozen',),
-    'clock drift': ('clock drift',), 'initial state': ('first belief too narrow',),
+    'clock drift': ('clock drift',), 'initial state': ('initial belief too narrow',),
     'outliers': ('outliers', 'disturbed'), 'disturbed': ('disturbed', 'outliers', 'random walk'),
     'lever arm': ('lever arm',), 'saturation': ('saturated',),
     'correlated noise': ('correlated noise',),
