@@ -97,3 +97,20 @@ def test_every_filter_is_on_the_page_and_in_the_docstring_that_list_them():
     for name in FILTERS:
         assert f'`{name}`' in page
         assert f"``'{name}'``" in kr.filter.__doc__
+
+
+def test_a_table_becomes_a_bag_that_is_replayed(tmp_path, monkeypatch, capsys):
+    """By the code and the file of the page."""
+    pytest.importorskip('rosbags.rosbag2')
+    page = (PAGES / 'log_files.md').read_text()
+    (code,), (block,) = re.findall(r'```python\n(.*?)```', page, re.DOTALL), _BLOCK.findall(page)
+    rows = [f'{1.0 + 0.1 * k:.1f},{0.1 * k:.2f},0,1,' + ('0' if k % 2 else '') for k in range(40)]
+    monkeypatch.chdir(tmp_path)
+    Path('log.csv').write_text('\n'.join(['t,x,y,v,omega', *rows, '']))
+    Path('robot.yaml').write_text(block)
+    exec(compile(code, 'page', 'exec'), {})
+    assert 'monday' in capsys.readouterr().out
+    run = kr.replay('monday', 'robot.yaml')
+    assert {name: each.fused for name, each in run.sensors.items()} == {'place': 40, 'wheels': 20}
+    assert run.beliefs.mean[-1, 0] == pytest.approx(3.9, abs=0.2)
+    assert run.beliefs.time[-1] == pytest.approx(3.9)
