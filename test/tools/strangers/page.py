@@ -13,20 +13,24 @@ _HEAD = """# How often the diagnosis is right elsewhere
 
 **Recordings that this package did not make.** Each goes through `./dev doctor BAG`, as those of
 users do: the executable, with its windows, gates and outcomes. Made by
-`./dev strangers --page docs/explanation/doctor_elsewhere.md`, after `--score` for each set.
+`./dev strangers --page docs/explanation/doctor_elsewhere.md`, after `--score` for each set. The
+tables are of one version, of the last score of all sets.
 
 - *eighth*: ten systems, simulated by code that shares nothing with the package, and written
-  without a look at the doctor. **Its figures are those of its first score, blind, and count.**
-- *seventh*: ten other systems, written in the same way. Its figures, too, are those of its first
-  score, blind. (As printed, 74 were first and 75 among three: the truth of telescope_gyro_walks
-  was misspelt, and counted against the doctor.) Changed since, and not in
-  these figures: a jitter by which no reading is lost is a note, and ranges of several landmarks
-  are no axes that couple; with *real* in view, noise that is correlated in time must explain more
-  than smaller noise does, and hides no other cause; noise in common is at the same time only;
-  with other recordings in view, signs and exchanges that a filter holds in check, and stamps of
-  rates that walk at random, are tried by passes of the filter; with *real* in view, causes behind
-  noise that is declared much too large are compared by the errors that they leave, and sensors
-  that the filter believes may be unrelated.
+  without a look at the doctor. **Its first score, blind, counts**: 77 of 78 first (99 %), 77 among
+  three, wrong and sure 0 of 90, clean flagged 0 of 12. No change since had it in view.
+- *seventh*: ten other systems, written in the same way. Its first score, blind, was 75 of 78
+  first (96 %), 76 among three (97 %), wrong and sure 1 of 90 (1 %), clean flagged 1 of 12. (As
+  printed, 74 were first and 75 among three: the truth of telescope_gyro_walks was misspelt, and
+  counted against the doctor.) Changed since: a jitter by which no reading is lost is a note, and
+  ranges of several landmarks are no axes that couple; with *real* in view, noise that is
+  correlated in time must explain more than smaller noise does, and hides no other cause; noise
+  in common is at the same time only; with other recordings in view, signs and exchanges that a
+  filter holds in check, and stamps of rates that walk at random, are tried by passes of the
+  filter; with *real* in view, causes behind noise that is declared much too large are compared
+  by the errors that they leave, and sensors that the filter believes may be unrelated; with
+  foreign recordings in view, a proof begins where the sensor moves, and stamps that the file
+  corrects are no wrong clock.
 - *sixth*: ten other systems, written in the same way. Its first score, blind, was 65 of 81 first
   (80 %), 67 among three (83 %), wrong and sure 6 of 94 (6 %), clean flagged 1 of 13. Changed since
   with its results in view: sensors that are turned as a whole, axes that read a part of others,
