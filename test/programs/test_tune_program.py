@@ -2,6 +2,7 @@
 """`tune` from a bag to its verdict, and what it refuses."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -256,6 +257,12 @@ def test_readings_that_are_all_the_same_have_no_noise_to_fit():
     replayed = SimpleNamespace(sensors=sensors, scenario=named.scenario)
     constant = list(recorded_likelihood._constant(replayed))
     assert constant == ['odometry.noise.v']
+    source = named.scenario.sensors['odometry']
+    known = replace(source, signal=replace(source.signal, zero=True))
+    intended = SimpleNamespace(
+        sensors=sensors, scenario=SimpleNamespace(sensors={'odometry': known})
+    )
+    assert list(recorded_likelihood._constant(intended)) == []
     left = recorded_likelihood._changing(named, ['odometry.noise'], constant)
     assert left == ['odometry.noise.omega']
     assert 'odometry.noise.v' not in recorded_likelihood._changing(named, [], constant)

@@ -91,9 +91,15 @@ def load(
 
 
 def _constant(replayed: Replayed) -> Iterator[str]:
-    """Yield the names of the noise of coordinates whose readings are all the same."""
+    """Yield the names of the noise of coordinates whose readings are all the same.
+
+    Zeros that are known without a sensor are so by intention, and have a noise that fits.
+    """
     for name, sensor in replayed.sensors.items():
-        output = replayed.scenario.sensors[name].sensor.output
+        source = replayed.scenario.sensors[name]
+        output = source.sensor.output
+        if source.signal.zero:
+            continue
         for coordinate, values in zip(output.names, sensor.value.T):
             finite = values[np.isfinite(values)]
             if len(finite) > 1 and (finite == finite[0]).all():
