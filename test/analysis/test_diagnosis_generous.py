@@ -44,7 +44,7 @@ def passage(whitened, log=0.0, rows=None):
     """Return a pass with these whitened innovations (N, k) of one sensor."""
     rows = range(len(whitened)) if rows is None else rows
     events = [
-        SimpleNamespace(sensor='y', index=row, log=log, S=np.eye(whitened.shape[1]))
+        SimpleNamespace(sensor='y', index=row, time=0.0, log=log, S=np.eye(whitened.shape[1]))
         for row in rows
     ]
     return Passage(events, list(whitened))
@@ -151,7 +151,6 @@ def test_many_coordinates_of_one_unit_are_not_permuted(monkeypatch):
     for name in ('_scale', '_time', '_quarter_turns'):
         monkeypatch.setattr(generous, name, lambda *_: [])
     monkeypatch.setattr(generous.input_axes, 'by_passes', lambda *_: [])
-    case.passage.events[-1].time = 0.0
     assert not list(generous._candidates(case, None))
 
 

@@ -10,6 +10,7 @@ from tools.doctor_score.recordings import recorded
 from kalman_ros.analysis.diagnosis import gross, input_axes
 from kalman_ros.analysis.diagnosis.diagnose import diagnose
 from kalman_ros.analysis.diagnosis.examination import Examination
+from kalman_ros.analysis.diagnosis.passage import Passage
 from kalman_ros.analysis.diagnosis.responses import Responses
 from kalman_ros.core import rotations
 
@@ -105,11 +106,12 @@ def test_rates_in_another_unit_or_direction_are_tried(space, factor, kind, why, 
 
 
 def test_a_filter_is_lost_from_where_its_errors_are():
-    case = SimpleNamespace(passage=SimpleNamespace())
-    case.passage.events = [SimpleNamespace(time=0.1 * k) for k in range(400)]
-    case.passage.whitened = [np.full(2, 0.1 if k < 200 else 20.0) for k in range(400)]
-    assert gross._onset(case) == pytest.approx(20.0, abs=0.2)
-    case.passage.whitened = [np.full(2, 1.0)] * 400
-    assert gross._onset(case) == 0.0
-    case.passage.whitened = [np.full(2, 3.0)] * 400  # from the beginning, but not of one reading
-    assert 0.2 < gross._onset(case) < 1.5
+    def onset(whitened):
+        events = [SimpleNamespace(time=0.1 * k) for k in range(400)]
+        return gross._onset(SimpleNamespace(passage=Passage(events, whitened)))
+
+    later = [np.full(2, 0.1 if k < 200 else 20.0) for k in range(400)]
+    assert onset(later) == pytest.approx(20.0, abs=0.2)
+    assert onset([np.full(2, 1.0)] * 400) == 0.0
+    # from the beginning, but not of one reading
+    assert 0.2 < onset([np.full(2, 3.0)] * 400) < 1.5

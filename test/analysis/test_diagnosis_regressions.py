@@ -23,6 +23,7 @@ from kalman_ros.analysis.diagnosis import (
 )
 from kalman_ros.analysis.diagnosis.evidence import Evidence
 from kalman_ros.analysis.diagnosis.finding import Finding
+from kalman_ros.analysis.diagnosis.passage import Passage
 from kalman_ros.analysis.diagnosis.responses import Responses
 from kalman_ros.core import Space, rotations
 from kalman_ros.scenario import build
@@ -242,7 +243,7 @@ def test_a_unit_is_suspected_by_the_size_of_the_readings(times, found):
 )
 def test_a_filter_is_lost_if_no_linearisation_holds(model, square, lost):
     found = SimpleNamespace(
-        passage=SimpleNamespace(whitened=[np.sqrt([0.5 * square, 1.5 * square])]),
+        passage=Passage([], [np.sqrt([0.5 * square, 1.5 * square])]),
         evidence=SimpleNamespace(scenario=build({'model': model})),
     )
     assert gross.lost(found) is lost

@@ -39,7 +39,7 @@ def _lagging(case: Examination, name: str, index: int, size: float, fit: Fit) ->
     )
 
     def mended() -> Evidence:
-        rows = [event.index for event in case.passage.events_of(name)]
+        rows = case.passage.series('index', name)
         value = case.evidence.sensors[name].value.copy()
         value[rows, index] -= size * directions(case.evidence, case.passage, name)[:, index]
         return case.evidence.with_values(name, value)

@@ -280,9 +280,8 @@ def _finding(case: Examination, name: str, courses: dict[int, Course], limits: A
         """Return the walk with its likelihood, and without it a path that is drawn."""
         indices, length = list(courses), float(limits[1] - limits[0])
         densities = np.array([course.density for course in courses.values()]) / length
-        record, events = evidence.sensors[name], case.passage.events
-        coarse = replace(found, exact=None)
-        if len(events) > _LONGEST:
+        record, coarse = evidence.sensors[name], replace(found, exact=None)
+        if len(case.passage.events) > _LONGEST:
             return coarse
         try:
             gain, path = wandering.likeliest(case.passage, name, indices, densities)
@@ -291,10 +290,10 @@ def _finding(case: Examination, name: str, courses: dict[int, Course], limits: A
         constant = _constant(case, name, courses, path, limits)
         if constant is not None and constant.gain > (1.0 - _AS_MUCH) * gain - CHANCE:
             return constant
-        times = np.array([events[k].time for k in case.passage.of(name)])
-        predicted = np.array(
-            [record.value[events[k].index] - events[k].innovation for k in case.passage.of(name)]
+        times, index, nu = (
+            case.passage.series(field, name) for field in ('time', 'index', 'innovation')
         )
+        predicted = record.value[index] - nu
         if not wandering.is_walk(times, path, predicted):
             return coarse
         value = record.value.copy()

@@ -66,8 +66,7 @@ def _coloured(case: Examination, name: str, gain: float, time: float, path: Arra
 
     def mended() -> Evidence:
         """Return the evidence with white noise of the same size."""
-        events = case.passage.events_of(name)
-        rows, record = [event.index for event in events], case.evidence.sensors[name]
+        rows, record = case.passage.series('index', name), case.evidence.sensors[name]
         roots = np.linalg.cholesky(record.covariance[rows])
         white = np.random.default_rng(_SEED).standard_normal((*path.shape, 1))
         value = record.value.copy()

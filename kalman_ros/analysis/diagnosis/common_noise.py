@@ -82,7 +82,7 @@ def _mean_product(a: Array, b: Array) -> float:
 def _pairs(case: Examination, one: str, other: str) -> Array:
     """Return the indices of events of two sensors at the same time (N, 2)."""
     first, second = case.passage.of(one), case.passage.of(other)
-    times = np.array([event.time for event in case.passage.events])
+    times = case.passage.series('time')
     if len(first) < 2 or len(second) < 2:
         return np.zeros((0, 2), dtype=int)
     right = np.clip(np.searchsorted(times[second], times[first]), 1, len(second) - 1)

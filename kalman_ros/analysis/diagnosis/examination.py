@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -44,8 +44,7 @@ class Examination:
     def judged(self) -> list[str]:
         """Sensors of the pass whose readings can be wrong: zeros that no sensor took cannot."""
         sources = self.evidence.scenario.sensors
-        names = dict.fromkeys(event.sensor for event in self.passage.events)
-        return [name for name in names if sources[name].judged]
+        return [name for name in self.passage.names if sources[name].judged]
 
     @cached_property
     def responses(self) -> Responses:
@@ -53,6 +52,18 @@ class Examination:
         return self.given or responses(
             self.passage, columns(self.evidence, self.passage, self.tones)
         )
+
+    def about(self, subject: str) -> Examination:
+        """Return the examination with the responses to faults of a subject alone.
+
+        It takes less time. ``subject`` is a sensor, or something that is no sensor.
+        """
+        inputs = self.evidence.scenario.model.input.names
+        if self.given or 'responses' in vars(self) or subject in inputs:
+            return self
+        tones = None if subject in self.evidence.sensors else self.tones
+        found = columns(self.evidence, self.passage, tones, subject)
+        return replace(self, known=self.passage, given=responses(self.passage, found))
 
     @cached_property
     def scores(self) -> NoiseScores:
@@ -66,7 +77,7 @@ class Examination:
     @cached_property
     def densities(self) -> dict[str, Array]:
         """Spectral density (n, n) of each parameter of the process noise, by name."""
-        model, x = self.evidence.scenario.model, self.passage.events[-1].x
+        model, x = self.evidence.scenario.model, self.passage.series('x')[-1]
         by_parameter = {}
         for parameter, size, other, _ in varied(self.evidence):
             change = (other.noise_density(x) - model.noise_density(x)) / size
@@ -78,7 +89,7 @@ class Examination:
     def tones(self) -> Array | None:
         """Frequency (Hz) of the largest disturbance at each input; None if not determined."""
         m = self.evidence.scenario.model.input.size
-        times = np.array([event.time for event in self.passage.events])
+        times = self.passage.series('time')
         if not m or len(times) < 100 or times[-1] <= times[0]:
             return None
         rate = min(self.evidence.scenario.rate, 40.0)
@@ -92,8 +103,11 @@ class Examination:
 
     def _equivalent_inputs(self) -> Array:
         """Return the inputs (E, m) that are equivalent to the corrections of the events."""
-        events, model = self.passage.events, self.evidence.scenario.model
-        X, U = np.array([event.x for event in events]), np.array([event.u for event in events])
+        passage, model = self.passage, self.evidence.scenario.model
+        X, U = passage.series('x'), passage.series('u')
         B = np.stack([effect(model, X, U, i) for i in range(model.input.size)], axis=2)
-        corrections = np.array([event.K.dot(event.innovation) for event in events])
+        corrections = np.zeros(X.shape)
+        for name in passage.names:
+            K, nu = passage.series('K', name), passage.series('innovation', name)
+            corrections[passage.of(name)] = np.einsum('eij,ej->ei', K, nu)
         return np.asarray((np.linalg.pinv(B) @ corrections[:, :, None])[:, :, 0])

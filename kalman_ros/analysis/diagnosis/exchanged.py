@@ -61,11 +61,10 @@ def _alike(case: Examination) -> Iterator[tuple[str, str]]:
 def _gain_of(case: Examination, name: str, other: str) -> float:
     """Return the reduction of the misfit if readings of a sensor are those of another one."""
     sensor = case.evidence.scenario.sensors[other].sensor
-    events = case.passage.events_of(name)
-    read = case.evidence.sensors[name].value[[event.index for event in events]]
-    nu = sensor.output.subtract(read, sensor.measure(np.array([event.x for event in events])))
-    after = sum(float(np.sum((event.white @ each) ** 2)) for event, each in zip(events, nu))
-    return float(case.passage.squares(name).sum()) - after
+    index, X, white = (case.passage.series(field, name) for field in ('index', 'x', 'white'))
+    nu = sensor.output.subtract(case.evidence.sensors[name].value[index], sensor.measure(X))
+    after = np.sum(np.einsum('eij,ej->ei', white, nu) ** 2)
+    return float(case.passage.squares(name).sum() - after)
 
 
 def _is_bad(case: Examination, name: str) -> bool:

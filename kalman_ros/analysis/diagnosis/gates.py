@@ -39,8 +39,7 @@ def find(case: Examination) -> list[Finding]:
         if count <= 3.0 * expected + 3.0 or bdtrc(count, len(record), 1.0 - gate) > 1e-7:
             continue
         squares = case.passage.squares(name)
-        at = [event.index for event in case.passage.events_of(name)]
-        far = squares[rejected[at]]
+        far = squares[rejected[case.passage.series('index', name)]]
         ratio = np.median(far) / np.median(squares) if len(far) else np.inf
         if ratio > _GOOD:
             continue

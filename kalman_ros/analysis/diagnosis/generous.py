@@ -28,7 +28,7 @@ from .examination import Examination
 from .finding import Finding
 from .lateness import TimeSearch
 from .mounting import axes_exchanged, turned, vectors
-from .passage import DROPPED, Passage, passage
+from .passage import DROPPED, Passage, in_both, passage
 from .peak import deviation, peak
 from .trials import certainty, same
 from .units import groups, mixed, scaled, scaling
@@ -81,8 +81,7 @@ def find(case: Examination, tried: Iterable[Finding]) -> Finding | None:
 
 def _is_generous(whole: Passage) -> bool:
     """Return whether the errors of a coordinate are much smaller than the filter expects."""
-    names = dict.fromkeys(event.sensor for event in whole.events)
-    return any((_mean_squares(whole.whitened_of(name)) < _GENEROUS).any() for name in names)
+    return any((_mean_squares(whole.whitened_of(name)) < _GENEROUS).any() for name in whole.names)
 
 
 class _Errors:
@@ -92,8 +91,8 @@ class _Errors:
         self._case, self._before = case, case.passage.first(_PART)
         #: Number of events, and of values that are read.
         self.events = len(self._before.events)
-        self.values = sum(map(len, self._before.whitened))
-        self._until = self._before.events[-1].time
+        self.values = int(self._before.sizes.sum())
+        self._until = float(self._before.series('time')[-1])
 
     def gain(self, evidence: Evidence) -> float:
         """Return by how much the concentrated likelihood of another recording is larger.
@@ -108,7 +107,7 @@ class _Errors:
 
     def count(self, name: str) -> int:
         """Return the number of readings of a sensor."""
-        return len(self._before.events_of(name))
+        return len(self._before.of(name))
 
     def judged(self, finding: Finding) -> Finding:
         """Return a finding with its gain."""
@@ -121,22 +120,24 @@ class _Errors:
 def gain(before: Passage, after: Passage) -> float:
     """Return the reduction of the concentrated misfit by a correction, as `passage.explained`."""
     total = 0.0
-    for name in dict.fromkeys(event.sensor for event in before.events):
-        old, new = ({e.index: e.log for e in each.events_of(name)} for each in (before, after))
-        if not new:
+    for name in before.names:
+        old, new = before.terms(name), after.terms(name)
+        if not len(new.index):
             return -inf
         squares = _mean_squares(before.whitened_of(name)), _mean_squares(after.whitened_of(name))
-        total += len(old) * float(np.log(squares[0] / squares[1]).sum())
-        total += sum(size - new[index] for index, size in old.items() if index in new)
-        total -= DROPPED * len(old.keys() - new.keys())
+        total += len(old.index) * float(np.log(squares[0] / squares[1]).sum())
+        in_new, in_old = in_both(old, new)
+        total += float(old.log[in_new].sum() - new.log[in_old].sum())
+        total -= DROPPED * int(np.sum(~in_new))
     return total
 
 
 def misfit(whole: Passage) -> float:
     """Return the concentrated misfit of a pass, except for a constant."""
-    total = sum(event.log for event in whole.events)
-    for name in dict.fromkeys(event.sensor for event in whole.events):
+    total = 0.0
+    for name in whole.names:
         whitened = whole.whitened_of(name)
+        total += float(whole.series('log', name).sum())
         total += len(whitened) * float(np.log(_mean_squares(whitened)).sum())
     return total
 
@@ -160,7 +161,7 @@ def _candidates(case: Examination, errors: _Errors) -> Iterator[Finding]:
                 yield axes_exchanged(case, name, order, 0.0)
         yield from _quarter_turns(case, name)
         yield from _time(case, name)
-    until = case.passage.first(_BEGINNING).events[-1].time
+    until = float(case.passage.first(_BEGINNING).series('time')[-1])
     yield from input_axes.by_passes(case, until, misfit)
 
 

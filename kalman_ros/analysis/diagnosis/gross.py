@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import replace
-from itertools import permutations, takewhile
+from itertools import permutations
 from math import log, pi
 
 import numpy as np
@@ -15,7 +15,7 @@ from .examination import CHANCE, Examination
 from .finding import Finding
 from .left_out import left_out
 from .mounting import axes_exchanged, best_rotation, nearest_rotation, turned, vectors, within
-from .passage import explained, passage
+from .passage import Passage, explained, passage
 from .units import conversions, groups, mixed, scaled
 
 #: A filter is lost if its squared innovations exceed their expectation by this factor.
@@ -47,11 +47,11 @@ def find(case: Examination) -> list[Finding]:
     """
     if case.evidence.scenario.plan.linear or not _is_suspect(case):
         return []
-    begin = case.passage.events[0].time
+    begin = float(case.passage.series('time')[0])
     first_span, span = (_Span(case, until) for until in (begin + _SOONER, _onset(case) + _SECONDS))
     candidates, most = _candidates(case), 2
     if not lost(case):
-        span = _Span(case, case.passage.events[:_PART][-1].time)
+        span = _Span(case, float(case.passage.series('time')[:_PART][-1]))
         candidates, most = _signs(case), 4
     ratio = len(case.passage.events) / len(span)
     findings = []
@@ -69,8 +69,12 @@ def find(case: Examination) -> list[Finding]:
 
 def _is_suspect(case: Examination) -> bool:
     """Return whether the errors of the filter are larger than small causes make them."""
-    squares = [e @ e / len(e) for e in case.passage.whitened]
-    return bool(np.mean(squares) >= _SUSPECT)
+    return _mean(case.passage) >= _SUSPECT
+
+
+def _mean(passage: Passage) -> float:
+    """Return the mean of e'e / k over all readings."""
+    return float(np.mean(passage.square / passage.sizes))
 
 
 def _signs(case: Examination) -> Iterator[Finding]:
@@ -88,10 +92,10 @@ def _onset(case: Examination) -> float:
 
     A robot at rest follows the model whatever the scale of a rate gyro is.
     """
-    events, squares = case.passage.events, [e @ e for e in case.passage.whitened[:_MOST_EVENTS]]
-    numbers = np.cumsum([len(e) for e in case.passage.whitened[:_MOST_EVENTS]])
-    beyond = np.flatnonzero(np.cumsum(squares) > _LOST * np.maximum(numbers, _FEW))
-    return events[int(beyond[0]) if len(beyond) else 0].time
+    passage = case.passage
+    sums, numbers = (np.cumsum(each[:_MOST_EVENTS]) for each in (passage.square, passage.sizes))
+    beyond = np.flatnonzero(sums > _LOST * np.maximum(numbers, _FEW))
+    return float(passage.series('time')[beyond[0] if len(beyond) else 0])
 
 
 def beginning(case: Examination) -> Examination:
@@ -99,19 +103,15 @@ def beginning(case: Examination) -> Examination:
 
     Linearisations hold there, and find causes of the later misfit, too.
     """
-    until = case.passage.events[0].time + _SECONDS
-    events = list(takewhile(lambda event: event.time <= until, case.passage.events))
-    return Examination(case.evidence, strict=False, known=case.passage.first(len(events)))
+    until = float(case.passage.series('time')[0]) + _SECONDS
+    return Examination(case.evidence, strict=False, known=case.passage.until(until))
 
 
 class _Span:
     """The first seconds of a recording, up to a stamp, on which candidates are evaluated."""
 
     def __init__(self, case: Examination, until: float) -> None:
-        self._until = until
-        whole = case.passage
-        events = list(takewhile(lambda event: event.time <= until, whole.events))
-        self._before = whole.first(len(events))
+        self._until, self._before = until, case.passage.until(until)
 
     def __len__(self) -> int:
         return len(self._before.events)
@@ -130,8 +130,7 @@ class _Span:
 
 def lost(case: Examination) -> bool:
     """Return whether the errors of the filter are so large that no linearisation holds."""
-    squares = np.array([e @ e / len(e) for e in case.passage.whitened])
-    return not case.evidence.scenario.plan.linear and bool(squares.mean() >= _LOST)
+    return not case.evidence.scenario.plan.linear and _mean(case.passage) >= _LOST
 
 
 def _candidates(case: Examination) -> Iterator[Finding]:
@@ -159,7 +158,7 @@ def _input_candidates(case: Examination) -> Iterator[Finding]:
     for group in groups(space):
         for factor in _usual_factors(conversions(space, group)):
             yield input_axes.multiplied(case, group, factor)
-    yield from input_axes.by_passes(case, case.passage.events[0].time + _SOONER)
+    yield from input_axes.by_passes(case, float(case.passage.series('time')[0]) + _SOONER)
 
 
 def _by_size(
@@ -184,7 +183,7 @@ def _turned_or_exchanged(case: Examination, name: str) -> Iterator[Finding]:
     """
     space = case.evidence.scenario.sensors[name].sensor.output
     axes = vectors(space)
-    until = case.passage.events[0].time + _ROTATION_SECONDS
+    until = float(case.passage.series('time')[0]) + _ROTATION_SECONDS
     others = left_out(case, name, until) if axes else None
     if others is None:
         return

@@ -32,29 +32,45 @@ _DEAD, _SMALLER = (0.2, 0.35, 0.5, 0.65, 0.8), (0.15, 0.4)
 
 def edges(passage: Passage) -> Array:
     """Return the edges (B + 1,) of the pieces of a recording, in seconds."""
-    first, last = passage.events[0].time, passage.events[-1].time
+    first, last = passage.series('time')[[0, -1]].tolist()
     count = int(np.clip((last - first) / _SHORTEST, 1, PIECES))
     return np.linspace(first, last + 1e-6, count + 1)
 
 
-def columns(evidence: Evidence, passage: Passage, tones: Array | None = None) -> Columns:
+def columns(
+    evidence: Evidence, passage: Passage, tones: Array | None = None, subject: str = ''
+) -> Columns:
     """Return the columns of every additive fault of a recording.
 
-    ``tones`` has one frequency (Hz) for each input, of a sine that may be added to the input.
+    Parameters
+    ----------
+    evidence, passage
+        Recording, and a pass over it.
+    tones
+        One frequency (Hz) for each input, of a sine that may be added to the input.
+    subject
+        A sensor, to which the columns are limited, without offsets; or what is no sensor, for the
+        columns of inputs, of the first belief and of parameters.
     """
     labels: list[tuple[str, ...]] = []
-    readings, offsets, numbers = {}, {}, [*varied(evidence)]
-    limits = edges(passage)
-    for name in dict.fromkeys(event.sensor for event in passage.events):
+    readings: dict[str, list[tuple[int, Array]]] = {}
+    offsets, limits = {}, edges(passage)
+    for name in passage.names:
+        readings[name] = []
+        if subject not in ('', name):
+            continue
         block, sensor_labels = _sensor_columns(evidence, passage, name)
-        readings[name] = [(len(labels), block)]
+        readings[name].append((len(labels), block))
         labels += sensor_labels
+        if subject:
+            return Columns(labels, readings)
         offsets[name] = len(labels) + offset_columns(passage, name, limits)
         labels += [
             ('offset', name, str(index), str(piece))
             for index in range(block.shape[1])
             for piece in range(len(limits) - 1)
         ]
+    numbers = [*varied(evidence)]
     pushed, pushes = _pushes(evidence, passage, tones)
     changed, state = _state_columns(evidence, passage, numbers)
     labels += [*pushed, *changed]
@@ -70,9 +86,9 @@ def offset_columns(passage: Passage, name: str, limits: Array) -> Array:
 
     Each coordinate has a column for each piece between the ``limits`` (B + 1,), in this order.
     """
-    events, B = passage.events_of(name), len(limits) - 1
-    pieces = np.searchsorted(limits, [event.time for event in events], 'right') - 1
-    coordinates = np.arange(len(events[0].innovation))
+    B, k = len(limits) - 1, passage.series('innovation', name).shape[1]
+    pieces = np.searchsorted(limits, passage.series('time', name), 'right') - 1
+    coordinates = np.arange(k)
     return np.asarray(B * coordinates + np.clip(pieces, 0, B - 1)[:, None])
 
 
@@ -89,11 +105,10 @@ def _sensor_columns(
     evidence: Evidence, passage: Passage, name: str
 ) -> tuple[Array, list[tuple[str, ...]]]:
     """Return the columns of a sensor: mixed coordinates, early stamps, lever arm, mounting."""
-    model, source = evidence.scenario.model, evidence.scenario.sensors[name]
-    events = passage.events_of(name)
-    recorded = evidence.sensors[name].value[[event.index for event in events]]
+    source = evidence.scenario.sensors[name]
+    recorded = evidence.sensors[name].value[passage.series('index', name)]
     # predictions, since the noise of a reading is correlated with its innovation
-    X, U = np.array([event.x for event in events]), np.array([event.u for event in events])
+    X = passage.series('x', name)
     values = source.sensor.measure(X)
     N, k = values.shape
     block = np.zeros((N, k, 2 * k * k + k + 1))
@@ -106,8 +121,7 @@ def _sensor_columns(
     for i in range(k):
         block[:, i, len(labels)] = np.maximum(values[:, i], 0.0)
         labels.append(('upper', name, str(i)))
-    H = np.array([event.H for event in events])
-    block[:, :, -1] = np.einsum('eij,ej->ei', H, model.time_derivative(X, U))
+    block[:, :, -1] = _rates(evidence, passage, name)
     labels.append(('stamp', name))
     ways = _directions(block[:, :, -1])
     for i in np.flatnonzero(np.ptp(ways, axis=0) == 2.0).tolist():
@@ -126,10 +140,13 @@ def _sensor_columns(
 
 def directions(evidence: Evidence, passage: Passage, name: str) -> Array:
     """Return the direction, -1 or 1, in which each coordinate of a sensor moves (N, k)."""
-    events = passage.events_of(name)
-    X, U = np.array([event.x for event in events]), np.array([event.u for event in events])
-    H = np.array([event.H for event in events])
-    return _directions(np.einsum('eij,ej->ei', H, evidence.scenario.model.time_derivative(X, U)))
+    return _directions(_rates(evidence, passage, name))
+
+
+def _rates(evidence: Evidence, passage: Passage, name: str) -> Array:
+    """Return the rate of each coordinate of a sensor's readings (N, k)."""
+    H, X, U = (passage.series(field, name) for field in 'Hxu')
+    return np.asarray(np.einsum('eij,ej->ei', H, evidence.scenario.model.time_derivative(X, U)))
 
 
 def _directions(rates: Array) -> Array:
@@ -161,8 +178,7 @@ def displaced(scenario: Scenario, name: str, X: Array) -> Array | None:
 
 def _along(passage: Passage) -> tuple[Array, Array, Array]:
     """Return the states (E, n), the inputs (E, m) and the durations of the steps (E, 1)."""
-    X, U = (np.array([getattr(event, name) for event in passage.events]) for name in ('x', 'u'))
-    return X, U, np.array([event.dt for event in passage.events])[:, None]
+    return passage.series('x'), passage.series('u'), passage.series('dt')[:, None]
 
 
 def _pushes(
@@ -205,7 +221,7 @@ def _read_parameters(
     evidence: Evidence, passage: Passage, name: str, numbers: Sequence[Varied]
 ) -> Array:
     """Return what each parameter changes in the readings of a sensor (N, k, P)."""
-    X = np.array([event.x for event in passage.events_of(name)])
+    X = passage.series('x', name)
     sensor = evidence.scenario.sensors[name].sensor
     values, block = sensor.measure(X), np.zeros((len(X), sensor.output.size, len(numbers)))
     for index, (_, size, _, sensors) in enumerate(numbers):
@@ -228,14 +244,14 @@ def _input_columns(
     evidence: Evidence, passage: Passage, index: int, tones: Array | None
 ) -> tuple[list[tuple[str, ...]], Array]:
     """Return the columns of an input (E, p): gain, exchange, pieces, delays, dead zones, tones."""
-    times = np.array([event.time for event in passage.events])
-    u = np.array([event.u[index] for event in passage.events])
+    times, U = passage.series('time'), passage.series('u')
+    u = U[:, index]
     labels: list[tuple[str, ...]] = [('gain',), ('half',)]
     pushes: list[Array] = [u, np.maximum(u, 0.0)]
     space = evidence.scenario.model.input
     for other in (i for group in alike(space) if index in group for i in group if i != index):
         labels.append(('across', space.names[other]))
-        pushes.append(np.array([event.u[other] for event in passage.events]))
+        pushes.append(U[:, other])
     pieces = np.searchsorted(edges(passage), times, 'right') - 1
     for b in range(len(edges(passage)) - 1):
         labels.append(('push', str(b)))

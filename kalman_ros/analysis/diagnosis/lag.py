@@ -82,8 +82,8 @@ def behind(
     The predictions of all events are joined by lines, which a lag follows exactly.
     """
     sensor = evidence.scenario.sensors[name].sensor
-    values = sensor.measure(np.array([event.x for event in passage.events]))
-    dt = np.diff([event.time for event in passage.events])[:, None]
+    values = sensor.measure(passage.series('x'))
+    dt = np.diff(passage.series('time'))[:, None]
     tau = np.maximum(np.asarray(constants, dtype=float), 1e-12)
     steps = sensor.output.subtract(values[1:], values[:-1])
     kept = np.exp(-dt / tau)
@@ -101,7 +101,7 @@ def _finding(
     """Return the finding of a lag; ``evidence`` has the readings as they are."""
     record = evidence.sensors[name]
     value = record.value.copy()
-    rows = [event.index for event in case.passage.events_of(name)]
+    rows = case.passage.series('index', name)
     value[rows] -= behind(case.passage, evidence, name, [tau])[:, :, 0]
 
     def again(after: Examination) -> Finding | None:

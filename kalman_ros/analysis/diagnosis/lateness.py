@@ -129,7 +129,7 @@ class TimeSearch:
         count = min(len(case.passage.events), _PART)
         self._share = count / len(case.passage.events)
         self._before = case.passage.first(count)
-        self._until = self._before.events[-1].time
+        self._until = float(self._before.series('time')[-1])
         self._gains: dict[float, float] = {}
 
     def gain(self, tau: float) -> float:

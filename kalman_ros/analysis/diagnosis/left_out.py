@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from kalman_ros.core import Array
 
 from .evidence import Evidence
 from .examination import Examination
-from .passage import Event, Passage, passage, usable
+from .passage import Passage, passage, usable
 
 #: The smallest number of readings that are compared.
 _FEWEST = 50
@@ -27,15 +27,15 @@ class LeftOut(NamedTuple):
         Recording without the sensor, and its filter pass.
     record, predicted
         Readings of the sensor, and their predictions (N, k).
-    events
-        Last event of the pass before each reading.
+    rows
+        Last event of the pass before each reading, by index (N,).
     """
 
     evidence: Evidence
     without: Passage
     record: SensorRecord
     predicted: Array
-    events: list[Event]
+    rows: Any
 
 
 def left_out(case: Examination, name: str, until: float = np.inf) -> LeftOut | None:
@@ -47,8 +47,8 @@ def left_out(case: Examination, name: str, until: float = np.inf) -> LeftOut | N
     if len(record) < _FEWEST or len(without.events) < _FEWEST:
         return None
     record = record.select(np.argsort(record.stamp, kind='stable'))
-    rows = np.searchsorted([event.time for event in without.events], record.stamp, 'right') - 1
-    events = [without.events[i] for i in np.maximum(rows, 0)]
+    rows = np.searchsorted(without.series('time'), record.stamp, 'right') - 1
+    rows = np.maximum(rows, 0)
     sensor = case.evidence.scenario.sensors[name].sensor
-    predicted = np.array([sensor.measure(event.x) for event in events])
-    return LeftOut(rest, without, record, predicted, events)
+    predicted = sensor.measure(without.series('x')[rows])
+    return LeftOut(rest, without, record, predicted, rows)

@@ -273,7 +273,7 @@ def _process_finding(
     level = DensityLevel(name, factor, spread, change)
     finding = Finding(
         **_density_stated(level), z=gain**0.5, gain=gain, mended=lambda: mended, density=level,
-        figure=innovations(case, case.passage.events[0].sensor, 0),
+        figure=innovations(case, case.passage.names[0], 0),
     )  # fmt: skip
     return [finding]
 
@@ -291,10 +291,9 @@ def _density_stated(level: DensityLevel) -> dict[str, Any]:
 
 def innovations(case: Examination, name: str, index: int) -> Figure:
     """Return the picture of the innovations of a coordinate with their bounds."""
-    events = case.passage.events_of(name)
-    times = np.array([event.time for event in events]) - case.evidence.start
-    values = np.array([event.innovation[index] for event in events])
-    bound = 2.0 * np.sqrt(np.array([event.S[index, index] for event in events]))
+    times = case.passage.series('time', name) - case.evidence.start
+    values = case.passage.series('innovation', name)[:, index]
+    bound = 2.0 * np.sqrt(case.passage.series('S', name)[:, index, index])
     label = case.evidence.scenario.sensors[name].sensor.output.names[index]
     curves = (
         Curve('innovation', times, values, 'dots'),

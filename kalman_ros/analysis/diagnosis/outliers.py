@@ -39,14 +39,14 @@ def _find_outliers(case: Examination, name: str) -> Finding | None:
     events, squares = case.passage.of(name), case.passage.squares(name)
     if len(events) < 20:
         return None
-    k = len(case.passage.whitened[events[0]])
+    k = int(case.passage.sizes[events[0]])
     typical = max(1.0, float(np.median(squares) / (2.0 * gammainccinv(k / 2.0, 0.5))))
     limit = typical * 2.0 * float(gammainccinv(k / 2.0, _RARE))
     if not (squares > limit).any():
         return None
     rows = rejected(case.evidence, name, limit)
     share = len(rows) / len(events)
-    indices = np.array([case.passage.events[i].index for i in events])
+    indices = case.passage.series('index', name)
     gain = float(np.sum(squares[np.isin(indices, rows)] - k - DROPPED))
     kept = squares[~np.isin(indices, rows)]
     gain += float(np.sum(kept[kept > limit] - k))
@@ -76,7 +76,7 @@ def runs_of(mask: Any) -> int:
 
 
 def _picture(case: Examination, name: str, events: Array, squares: Array, limit: float) -> Figure:
-    times = np.array([case.passage.events[i].time for i in events]) - case.evidence.start
+    times = case.passage.series('time', name) - case.evidence.start
     curves = (
         Curve('NIS', times, squares, 'dots'),
         Curve('limit', times[[0, -1]], np.full(2, limit), 'bound'),

@@ -8,12 +8,11 @@ which the responses of innovations to faults are computed; see `responses`.
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf, isnan, log, nan, pi
-from typing import Any
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -31,6 +30,7 @@ from kalman_ros.simulation.computed import computed
 from .beginning import likeliest
 from .evidence import Evidence
 
+T = TypeVar('T')
 LOG_2_PI = log(2.0 * pi)
 #: Normalised innovations are limited to this magnitude.
 _FAR = 1e6
@@ -81,18 +81,92 @@ class Event:
     log: float
 
 
+class _Later(Sequence[T]):
+    """A sequence of a known length, made when it is first used."""
+
+    def __init__(self, count: int, make: Callable[[], list[T]]) -> None:
+        self._count, self._make = count, make
+
+    @cached_property
+    def _all(self) -> list[T]:
+        return self._make()
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __getitem__(self, index: Any) -> Any:
+        return self._all[index]
+
+
+class Terms(NamedTuple):
+    """The terms of the misfit of a sensor's readings, sorted by index.
+
+    Parameters
+    ----------
+    index
+        Index of each reading in its record (E,).
+    square, log
+        e'e and log |2 pi S| (E,).
+    k
+        Numbers of a reading.
+    """
+
+    index: Any
+    square: Array
+    log: Array
+    k: int
+
+
 @dataclass(frozen=True)
 class Passage:
-    """The events of a filter pass, with whitened innovations e = L^-1 nu where S = L L'."""
+    """The events of a filter pass, with whitened innovations e = L^-1 nu where S = L L'.
 
-    events: list[Event]
-    whitened: list[Array]
+    A pass in C has a ``table``: a function that returns a field of all events, or of those of a
+    sensor, as an array.
+    """
+
+    events: Sequence[Event]
+    whitened: Sequence[Array]
+    table: Callable[[str, str], Any] | None = None
+
+    def series(self, field: str, sensor: str = '') -> Any:
+        """Return a field of an `Event`, or 'whitened', of all events or of those of a sensor."""
+        if self.table is not None:
+            return self.table(field, sensor)
+        if field == 'whitened':
+            return np.array([self.whitened[i] for i in self.of(sensor).tolist()])
+        events = self.events_of(sensor) if sensor else self.events
+        return np.array([getattr(event, field) for event in events])
+
+    @cached_property
+    def names(self) -> list[str]:
+        """Sensors of the pass, in the order of their first events."""
+        return list(dict.fromkeys(self.series('sensor').tolist()))
+
+    @cached_property
+    def sizes(self) -> Array:
+        """Numbers of each reading (E,)."""
+        return self._of_all(lambda e: np.full(len(e), e.shape[1]), len)
+
+    @cached_property
+    def square(self) -> Array:
+        """Squares e'e of all whitened innovations (E,)."""
+        return self._of_all(lambda e: np.einsum('ei,ei->e', e, e), lambda e: float(e.dot(e)))
+
+    def _of_all(self, batch: Callable[[Array], Array], single: Callable[[Array], float]) -> Array:
+        """Return a function of each whitened innovation (E,)."""
+        if self.table is None:
+            return np.array([single(e) for e in self.whitened])
+        found = np.zeros(len(self.events))
+        for name in self.names:
+            found[self.of(name)] = batch(self.series('whitened', name))
+        return found
 
     @property
     def misfit(self) -> float:
         """Misfit of the pass, the sum of e'e + log |2 pi S|, which is -2 log likelihood."""
-        squares = sum(float(e.dot(e)) for e in self.whitened)
-        return squares + sum(event.log for event in self.events)
+        log_sizes = sum(float(self.series('log', name).sum()) for name in self.names)
+        return float(self.square.sum()) + log_sizes
 
     @cached_property
     def mean_square(self) -> float:
@@ -101,23 +175,44 @@ class Passage:
         return float(np.mean(np.square(np.clip(e, -_OUTLIER, _OUTLIER)))) if len(e) else 1.0
 
     @cached_property
-    def _indices(self) -> dict[str, list[int]]:
-        by_sensor = defaultdict[str, list[int]](list)
-        for index, event in enumerate(self.events):
-            by_sensor[event.sensor].append(index)
-        return by_sensor
+    def _indices(self) -> dict[str, Any]:
+        sensor = self.series('sensor')
+        return {name: np.flatnonzero(sensor == name) for name in self.names}
 
     @cached_property
-    def terms(self) -> dict[tuple[str, int], tuple[float, float, int]]:
-        """Square e'e, log |2 pi S| and size of each reading, by sensor and index."""
-        return {
-            (event.sensor, event.index): (float(e.dot(e)), event.log, len(e))
-            for event, e in zip(self.events, self.whitened)
-        }
+    def _terms(self) -> dict[str, Terms]:
+        return {name: self._terms_of(name) for name in self.names}
+
+    def terms(self, sensor: str) -> Terms:
+        """Return the terms of the misfit of a sensor's readings."""
+        return self._terms.get(sensor, _NO_TERMS)
+
+    def _terms_of(self, sensor: str) -> Terms:
+        index, at = self.series('index', sensor), self.of(sensor)
+        order = np.argsort(index, kind='stable')
+        log_sizes = self.series('log', sensor)[order]
+        return Terms(index[order], self.square[at][order], log_sizes, int(self.sizes[at[0]]))
 
     def first(self, count: int) -> Passage:
         """Return the first events."""
-        return Passage(self.events[:count], self.whitened[:count])
+        if self.table is None:
+            return Passage(self.events[:count], self.whitened[:count])
+        whole, events, whitened = self.table, self.events, self.whitened
+        own = {name: int(np.searchsorted(self.of(name), count)) for name in self.names}
+
+        def table(field: str, sensor: str) -> Any:
+            return whole(field, sensor)[: own[sensor] if sensor else count]
+
+        count = min(count, len(events))
+        return Passage(
+            _Later(count, lambda: [*events[:count]]),
+            _Later(count, lambda: [*whitened[:count]]),
+            table,
+        )
+
+    def until(self, time: float) -> Passage:
+        """Return the events up to a time (s)."""
+        return self.first(int(np.searchsorted(self.series('time'), time, 'right')))
 
     def selected(self, sensor: str, rows: Any) -> Passage:
         """Return the pass over a record that is reduced to ``rows``, in this order.
@@ -131,21 +226,24 @@ class Passage:
         ]
         return Passage(events, self.whitened)
 
-    def of(self, sensor: str) -> Array:
+    def of(self, sensor: str) -> Any:
         """Return the indices of the events of a sensor."""
-        return np.array(self._indices.get(sensor, []), dtype=int)
+        return self._indices.get(sensor, np.zeros(0, dtype=int))
 
     def events_of(self, sensor: str) -> list[Event]:
         """Return the events of a sensor."""
-        return [self.events[i] for i in self._indices.get(sensor, [])]
+        return [self.events[i] for i in self.of(sensor).tolist()]
 
     def whitened_of(self, sensor: str) -> Array:
         """Return the whitened innovations of a sensor (E, k)."""
-        return np.array([self.whitened[i] for i in self._indices.get(sensor, [])])
+        return np.asarray(self.series('whitened', sensor))
 
     def squares(self, sensor: str) -> Array:
         """Return the squares e'e of the whitened innovations of a sensor (E,)."""
-        return np.array([e @ e for e in self.whitened_of(sensor)])
+        return np.asarray(self.square[self.of(sensor)])
+
+
+_NO_TERMS = Terms(np.zeros(0, dtype=int), np.zeros(0), np.zeros(0), 0)
 
 
 def passage(evidence: Evidence, until: float = inf, strict: bool = True) -> Passage:
@@ -159,8 +257,7 @@ def passage(evidence: Evidence, until: float = inf, strict: bool = True) -> Pass
         If the filter fails and the pass is ``strict``; otherwise the pass ends there.
     """
     data = _ordered(evidence, until)
-    events, whitened, _ = _run_filter(data, _initial_belief(data, until), strict=strict)
-    return Passage(events, whitened)
+    return _run_filter(data, _initial_belief(data, until), strict=strict)[0]
 
 
 def _initial_belief(data: _Readings, until: float) -> Gaussian:
@@ -252,16 +349,15 @@ def _ordered(evidence: Evidence, until: float = inf) -> _Readings:
 
 def _run_filter(
     given: _Readings, first: Gaussian, gate: tuple[str, float] | None = None, *, strict: bool
-) -> tuple[list[Event], list[Array], float]:
-    """Return the events of a pass from the ``first`` belief, and their whitened innovations.
+) -> tuple[Passage, float]:
+    """Return a pass from the ``first`` belief, and the time until which readings were processed.
 
-    The last result is the time until which readings were processed, if the filter fails and the
-    pass is not ``strict``; inf otherwise. A ``gate`` (sensor, largest NIS) omits the readings
-    beyond it.
+    That is inf unless the filter fails and the pass is not ``strict``. A ``gate`` (sensor, largest
+    NIS) omits the readings beyond it.
     """
     at_once = _matrices(given, first, gate)
     if at_once is not None:
-        return *_events(given, at_once), inf
+        return _Table(given, at_once).passage, inf
     found, last = list[tuple[Event, Array]](), -inf
     try:
         for time, fused in _steps(given, first, gate):
@@ -272,7 +368,7 @@ def _run_filter(
     except np.linalg.LinAlgError:
         if strict:
             raise
-    return [event for event, _ in found], [e for _, e in found], last
+    return Passage([event for event, _ in found], [e for _, e in found]), last
 
 
 def _matrices(
@@ -289,33 +385,61 @@ def _matrices(
     return scenario.model.filter_pass((*first,), data, counts[which], sensors, limits)
 
 
-def _events(given: _Readings, found: StepMatrices) -> tuple[list[Event], list[Array]]:
-    """Return the events of a pass, and their whitened innovations."""
-    data = given.data
-    at = np.flatnonzero(found.fused)
-    sensor, time = data.sensor[at].tolist(), data.time[at]
-    each = [
-        zip(readings.H, R[rows], *readings[1:-1], np.clip(readings.whitened, -_FAR, _FAR))
-        for readings, R, rows in zip(found.readings, data.covariances, _fused_rows(found, data))
-    ]
-    indices = [given.indices[s][r] for s, r in zip(sensor, data.row[at].tolist())]
-    steps: Any = zip(
-        (given.names[s] for s in sensor), map(int, indices), time.tolist(), found.F, found.Q,
-        np.diff(time, prepend=time[:1]).tolist(), found.x, found.P, data.inputs[data.input[at]],
-    )  # fmt: skip
-    events, whitened = [], []
-    for s, step in zip(sensor, steps):
-        *matrices, log_size, e = next(each[s])
-        whole: Any = (*step, *matrices, float(log_size))
-        events.append(Event(*whole))
-        whitened.append(e)
-    return events, whitened
+class _Table:
+    """The events of a pass in C, by their fields."""
 
+    def __init__(self, given: _Readings, found: StepMatrices) -> None:
+        data, at = given.data, np.flatnonzero(found.fused)
+        self._sensor, row, time = data.sensor[at], data.row[at], data.time[at]
+        names = [*given.names, '']  # a pass without a reading has names, too
+        self._whole = {
+            'sensor': np.array(names)[self._sensor], 'time': time, 'F': found.F, 'Q': found.Q,
+            'dt': np.diff(time, prepend=time[:1]), 'x': found.x, 'P': found.P,
+            'u': data.inputs[data.input[at]],
+        }  # fmt: skip
+        self._by_sensor = {}
+        for s, name in enumerate(given.names):
+            own = np.flatnonzero(self._sensor == s)
+            if len(own):
+                fields = found.readings[s]._asdict() | {
+                    'index': given.indices[s][row[own]], 'R': data.covariances[s][row[own]],
+                    'whitened': np.clip(found.readings[s].whitened, -_FAR, _FAR), 'at': own,
+                }  # fmt: skip
+                self._by_sensor[name] = fields
 
-def _fused_rows(found: StepMatrices, data: OrderedData) -> Iterator[Any]:
-    """Yield the readings of each sensor that are fused, by index."""
-    for s in range(len(data.readings)):
-        yield data.row[found.fused & (data.sensor == s)]
+    def field(self, field: str, sensor: str) -> Any:
+        """Return a field of all events, or of those of a sensor."""
+        if not sensor:
+            return self._whole[field]
+        own = self._by_sensor[sensor]
+        return own[field] if field in own else self._whole[field][own['at']]
+
+    @property
+    def passage(self) -> Passage:
+        """The pass, whose events are made when they are used."""
+        count = len(self._sensor)
+        return Passage(_Later(count, self._events), _Later(count, self._whitened), self.field)
+
+    def _events(self) -> list[Event]:
+        whole = [each.tolist() if each.ndim == 1 else each for each in self._whole.values()]
+        corrections = {name: self._corrections(own) for name, own in self._by_sensor.items()}
+        events = []
+        for name, *step in zip(*whole):
+            index, *correction = next(corrections[name])
+            values: Any = (name, index, *step, *correction)
+            events.append(Event(*values))
+        return events
+
+    @staticmethod
+    def _corrections(own: Mapping[str, Any]) -> Iterator[Any]:
+        """Yield the last fields of each event of a sensor, in their order, behind its index."""
+        fields = ('H', 'R', 'K', 'S', 'innovation', 'white')
+        each = [own[field] for field in fields]
+        return zip(own['index'].tolist(), *each, own['log'].tolist())
+
+    def _whitened(self) -> list[Array]:
+        each = {name: iter(own['whitened']) for name, own in self._by_sensor.items()}
+        return [next(each[name]) for name in self._whole['sensor'].tolist()]
 
 
 def _steps(
@@ -376,12 +500,10 @@ def whitener(S: Array) -> tuple[Array, float]:
 def rejected(evidence: Evidence, name: str, limit: float) -> Array:
     """Return the readings of a sensor, by index, that a gate at a NIS rejects."""
     given = _ordered(evidence)
-    first = _initial_belief(given, inf)
-    events, _, last = _run_filter(given, first, (name, limit), strict=False)
-    fused = [event.index for event in events if event.sensor == name]
+    found, last = _run_filter(given, _initial_belief(given, inf), (name, limit), strict=False)
     indices = given.indices[given.names.index(name)]
     judged = indices[evidence.sensors[name].stamp[indices] <= last]
-    return np.array(judged[~np.isin(judged, fused)], dtype=int)
+    return np.array(judged[~np.isin(judged, found.terms(name).index)], dtype=int)
 
 
 def usable(record: SensorRecord) -> Any:
@@ -394,9 +516,7 @@ def usable(record: SensorRecord) -> Any:
 
 def explained_in_both(before: Passage, after: Passage) -> float:
     """Return the reduction of the misfit of the readings that are in both passes."""
-    old, new = before.terms, after.terms
-    pairs = ((old[key], new[key]) for key in old if key in new)
-    return sum(a[0] + a[1] - b[0] - b[1] for a, b in pairs)
+    return sum(_change(before.terms(name), after.terms(name))[0] for name in before.names)
 
 
 def explained(before: Passage, after: Passage) -> float:
@@ -405,12 +525,23 @@ def explained(before: Passage, after: Passage) -> float:
     A reading that the correction omits counts by the excess of its misfit over the expectation.
     """
     gain = 0.0
-    for key, (square, log_size, k) in before.terms.items():
-        if key in after.terms:
-            gain += square + log_size - after.terms[key][0] - after.terms[key][1]
-        else:
-            gain += square - k - DROPPED
+    for name in before.names:
+        old = before.terms(name)
+        change, omitted = _change(old, after.terms(name))
+        gain += change + float(np.sum(old.square[omitted] - old.k - DROPPED))
     return gain
+
+
+def in_both(old: Terms, new: Terms) -> tuple[Any, Any]:
+    """Return which readings of each of two passes the other one has, too."""
+    return np.isin(old.index, new.index), np.isin(new.index, old.index)
+
+
+def _change(old: Terms, new: Terms) -> tuple[float, Any]:
+    """Return the reduction of the misfit of the readings in both, and which of the old are not."""
+    in_new, in_old = in_both(old, new)
+    change = (old.square + old.log)[in_new] - (new.square + new.log)[in_old]
+    return float(change.sum()), ~in_new
 
 
 #: Cost of the omission of a reading in -2 log likelihood, as of a reading at about 3 sigma.

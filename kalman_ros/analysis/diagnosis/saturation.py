@@ -48,8 +48,10 @@ def _is_dead(case: Examination, name: str, index: int) -> bool:
     others = counts[levels != 0.0]
     if not len(others) or np.median(others) > 1 or at_zero < max(_FEWEST, _OFTEN * others.max()):
         return False
-    events = case.passage.events_of(name)
-    squares = [e.innovation[index] ** 2 / e.S[index, index] for e in events if not column[e.index]]
+    nu, S, at = (case.passage.series(field, name) for field in ('innovation', 'S', 'index'))
+    if not len(at):
+        return False
+    squares = (nu[:, index] ** 2 / S[:, index, index])[column[at] == 0.0]
     return len(squares) >= _FEWEST and float(np.mean(squares)) > _CONTRADICTED
 
 

@@ -258,8 +258,7 @@ def _improves_fit(case: Examination, mended: Evidence) -> bool:
     If innovations are larger than expected, for any cause, the limit of chance is larger in
     proportion.
     """
-    squares = sum(float(e.dot(e)) for e in case.passage.whitened)
-    dispersion = squares / sum(len(e) for e in case.passage.whitened)
+    dispersion = float(case.passage.square.sum() / case.passage.sizes.sum())
     return explained(case.passage, passage(mended)) > CHANCE * max(1.0, dispersion)
 
 

@@ -220,7 +220,7 @@ def _find_exactly(case: Examination, name: str, limits: Array) -> Iterator[Findi
 def _several_of(case: Examination, pieces: Pieces) -> Offsets | None:
     """Return the likeliest stretches of all coordinates together, or of one of them alone."""
     k = pieces.gradient.shape[1]
-    price = float(np.log(max(sum(len(e) for e in case.passage.whitened), 2)))
+    price = float(np.log(max(case.passage.sizes.sum(), 2)))
     best, most = None, 0.0
     for group in dict.fromkeys([tuple(range(k)), *((index,) for index in range(k))]):
         chosen = list(group)
@@ -293,7 +293,7 @@ def _find(case: Examination, name: str) -> Finding | None:
     events, squares = case.passage.of(name), case.passage.squares(name)
     if len(events) < 2 * _FEWEST:
         return None
-    k = len(case.passage.whitened[events[0]])
+    k = int(case.passage.sizes[events[0]])
     begin, end = heaviest(np.minimum(squares, _OUTLYING) - k - DROPPED)
     gain = float(np.sum(squares[begin:end] - k - DROPPED))
     if gain < CHANCE or not _FEWEST <= end - begin <= _MOST * len(events):
@@ -301,7 +301,7 @@ def _find(case: Examination, name: str) -> Finding | None:
     if np.median(squares[begin:end]) < k + DROPPED:
         return None
     record = case.evidence.sensors[name]
-    since, until = (case.passage.events[events[i]].time for i in (begin, end - 1))
+    since, until = case.passage.series('time')[events[[begin, end - 1]]].tolist()
     size = float(np.sqrt(np.median(squares[begin:end]) / k))
     within = (record.stamp >= since) & (record.stamp <= until)
     start = case.evidence.start

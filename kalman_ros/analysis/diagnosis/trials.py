@@ -29,7 +29,7 @@ class Trials:
     """Causes that were tried on a case, the best one, and the case corrected by it."""
 
     def __init__(self, case: Examination) -> None:
-        count = sum(len(e) for e in case.passage.whitened)
+        count = int(case.passage.sizes.sum())
         self.case, self.after = case, case
         #: The smallest gain of a cause, and the cost of each number that it fits.
         self.threshold, self.dimension = max(CHANCE, _RELEVANT * count), log(max(count, 2))
@@ -63,7 +63,8 @@ class Trials:
         """
         finding = replace(finding, gain=self.gain(finding, after))
         for _ in range(_REFINED):
-            better = finding.again and finding.again(after)
+            sensor = finding.subject.partition('.')[0]
+            better = finding.again and finding.again(after.about(sensor))
             if not better or better.mended is None:
                 break
             try:

@@ -211,7 +211,7 @@ def _likeliest_factor(
         factor = 1e-6
     space = case.evidence.scenario.sensors[name].sensor.output
     best = max((-1.0, *conversions(space, group)), key=gain)
-    excess = sum(float(e @ e) - len(e) for e in case.passage.whitened)
+    excess = float(np.sum(case.passage.square - case.passage.sizes))
     likelier = gain(best) > max(gain(factor), _EXPLAINED * excess)
     return (best, 0.0) if likelier else (factor, std)
 

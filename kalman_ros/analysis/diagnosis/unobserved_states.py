@@ -22,15 +22,15 @@ def find(case: Examination) -> list[Finding]:
     Along the path, the covariance of the filter is the inverse of the information of the initial
     belief and of all readings, reduced by the process noise.
     """
-    events, space = case.passage.events, case.evidence.scenario.model.state
-    sampled = events[:: max(1, len(events) // _PARTS)]
-    times = np.array([event.time for event in sampled]) - case.evidence.start
-    std = np.sqrt(np.array([event.P.diagonal() for event in sampled]))
+    passage, space = case.passage, case.evidence.scenario.model.state
+    sampled = slice(None, None, max(1, len(passage.events) // _PARTS))
+    times = passage.series('time')[sampled] - case.evidence.start
+    std = np.sqrt(passage.series('P')[sampled].diagonal(axis1=1, axis2=2))
     first = case.evidence.scenario.initial_belief.std
     findings = []
     for index, name in enumerate(space.names):
         known = np.flatnonzero(std[:, index] <= _GROWN * max(first[index], 1e-9))
-        if len(known) and known[-1] >= 0.9 * len(sampled):
+        if len(known) and known[-1] >= 0.9 * len(times):
             continue
         since = max(times[known[-1]], 0.0) if len(known) else 0.0
         figure = Figure(f'{name}: its deviation', 'time [s]', space.label(name),

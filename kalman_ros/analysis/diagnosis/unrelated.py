@@ -74,9 +74,9 @@ def _examine(case: Examination, name: str) -> list[Finding]:
     comparison = _compare(case, name, others)
     if comparison is None or comparison.largest > _CORRELATED or comparison.z < _FAR:
         return []
-    events = case.passage.events_of(name)
-    misfit_of_line = _misfit_without_model(record.value[[event.index for event in events]])
-    misfit_omitted = sum(event.log + event.innovation.size + DROPPED for event in events)
+    misfit_of_line = _misfit_without_model(record.value[case.passage.series('index', name)])
+    terms = case.passage.terms(name)
+    misfit_omitted = float(np.sum(terms.log + terms.k + DROPPED))
     dues = misfit_of_line - misfit_omitted
     label = case.evidence.scenario.sensors[name].sensor.output.names[0]
     time = comparison.time - case.evidence.start
@@ -112,12 +112,11 @@ def _misfit_without_model(values: Array) -> float:
 
 def _compare(case: Examination, name: str, others: LeftOut) -> _Comparison | None:
     """Return readings with their predictions; None if they do not suffice."""
-    _, _, record, predicted, events = others
+    _, without, record, predicted, rows = others
     sensor = case.evidence.scenario.sensors[name].sensor
-    x = np.array([event.x for event in events])
-    sampled = events[:: max(1, len(events) // _SOME)]
-    H, P = [sensor.jacobian(event.x) for event in sampled], [event.P for event in sampled]
-    variance = np.median([(h @ p @ h.T).diagonal() for h, p in zip(H, P)], axis=0)
+    x, some = without.series('x')[rows], slice(None, None, max(1, len(rows) // _SOME))
+    H, P = np.array([*map(sensor.jacobian, x[some])]), without.series('P')[rows[some]]
+    variance = np.median((H @ P @ H.swapaxes(1, 2)).diagonal(axis1=1, axis2=2), axis=0)
     y, expected = (
         _linear_values(sensor.output, record.value),
         _linear_values(sensor.output, predicted),

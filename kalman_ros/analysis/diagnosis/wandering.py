@@ -136,7 +136,7 @@ def coloured(passage: Passage, sensor: str, covariance: Array) -> tuple[float, f
         Reduction of the misfit, time constant in s, and a path of the noise (E, k) at the events
         of the sensor, drawn given all readings.
     """
-    stamps = np.array([event.time for event in passage.events_of(sensor)])
+    stamps = passage.series('time', sensor)
     coordinates = range(len(covariance))
 
     def noise(time: float) -> _Error:
