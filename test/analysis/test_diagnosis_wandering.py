@@ -52,6 +52,13 @@ def passed(readings):
     return Passage(events, whitened)
 
 
+def error(readings, density, *decay, **options):
+    """Return the filter of an error of the first sensor."""
+    return wandering._Error(
+        wandering._steps(passed(readings), 'first', [0]), density, *decay, **options
+    )
+
+
 def covariance(count, density, time=0.0):
     """Return the covariance of all readings, from that of states and offsets at all steps.
 
@@ -88,7 +95,7 @@ def misfit(readings, density, time=0.0):
 @pytest.mark.parametrize('density', [1e-3, 0.1, 2.0])
 def test_its_likelihood_is_that_of_all_readings_at_once(density):
     readings = recorded()
-    found = wandering._Error(passed(readings), 'first', [0], np.array([[density]]))
+    found = error(readings, np.array([[density]]))
     assert passed(readings).misfit == pytest.approx(misfit(readings, 0.0), rel=1e-10)
     assert found.misfit == pytest.approx(misfit(readings, density), rel=1e-10)
 
@@ -97,9 +104,7 @@ def test_its_likelihood_is_that_of_all_readings_at_once(density):
 def test_the_likelihood_of_noise_that_is_correlated_in_time(time):
     readings = recorded()
     noise = np.array([[2.0 * R / time]])
-    found = wandering._Error(
-        passed(readings), 'first', [0], noise, 1.0 / time, white=wandering._WHITE
-    )
+    found = error(readings, noise, 1.0 / time, white=wandering._WHITE)
     assert found.misfit == pytest.approx(misfit(readings, 0.0, time), rel=1e-10)
 
 
@@ -166,7 +171,7 @@ def test_the_likeliest_intensity_is_found_from_a_coarse_one():
 @pytest.mark.slow
 def test_drawn_paths_scatter_as_the_offset_does_given_the_readings(monkeypatch):
     readings, density = recorded(), 0.5
-    walk = wandering._Error(passed(readings), 'first', [0], np.array([[density]]))
+    walk = error(readings, np.array([[density]]))
     paths = []
     for seed in range(400):
         monkeypatch.setattr(wandering, '_SEED', seed)

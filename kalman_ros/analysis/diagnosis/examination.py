@@ -106,8 +106,4 @@ class Examination:
         passage, model = self.passage, self.evidence.scenario.model
         X, U = passage.series('x'), passage.series('u')
         B = np.stack([effect(model, X, U, i) for i in range(model.input.size)], axis=2)
-        corrections = np.zeros(X.shape)
-        for name in passage.names:
-            K, nu = passage.series('K', name), passage.series('innovation', name)
-            corrections[passage.of(name)] = np.einsum('eij,ej->ei', K, nu)
-        return np.asarray((np.linalg.pinv(B) @ corrections[:, :, None])[:, :, 0])
+        return np.asarray((np.linalg.pinv(B) @ passage.corrections[:, :, None])[:, :, 0])

@@ -97,6 +97,9 @@ class _Later(Sequence[T]):
     def __getitem__(self, index: Any) -> Any:
         return self._all[index]
 
+    def __iter__(self) -> Iterator[T]:
+        return iter(self._all)
+
 
 class Terms(NamedTuple):
     """The terms of the misfit of a sensor's readings, sorted by index.
@@ -161,6 +164,15 @@ class Passage:
         for name in self.names:
             found[self.of(name)] = batch(self.series('whitened', name))
         return found
+
+    @cached_property
+    def corrections(self) -> Array:
+        """How far each event moves the estimate, K nu (E, n)."""
+        moved = np.zeros(self.series('x').shape)
+        for name in self.names:
+            K, nu = self.series('K', name), self.series('innovation', name)
+            moved[self.of(name)] = np.einsum('eij,ej->ei', K, nu)
+        return moved
 
     @property
     def misfit(self) -> float:

@@ -21,7 +21,7 @@ from kalman_ros.core import Array
 from kalman_ros.linear import single
 from kalman_ros.linear.matrices import symmetric
 
-from .passage import Event, Passage, whitener
+from .passage import Passage, whitener
 
 #: Trial factors of the densities that a coarser fit found, from the middle outwards.
 _STEP, _MOST = 4.0, 4
@@ -79,13 +79,54 @@ def is_walk(times: Array, path: Array, predicted: Array) -> bool:
     return bool(followed.max() < _FOLLOWED and jumps.max() < _JUMPS)
 
 
-class _Step(NamedTuple):
-    """A linear step (F, Q) from the belief after an event to the prediction of the next one."""
+class _Steps(NamedTuple):
+    """The readings of a pass, and the error of the state and of a sensor, which they show.
 
+    Parameters
+    ----------
+    H, R, innovation
+        Jacobian (k, n + c) of each reading, its covariance, and the innovation of the pass.
+    moved
+        How far the pass moves its estimate at each event (E, n + c).
+    F, Q
+        Step to each event (E, n + c, n + c), without that of the sensor's error.
+    dt, first
+        Duration of these steps (E,), and the covariance of the state at the first event.
+    rows
+        Events of the sensor.
+    """
+
+    H: list[Array]
+    R: list[Array]
+    innovation: list[Array]
+    moved: Array
     F: Array
     Q: Array
-    mean: Array
-    covariance: Array
+    dt: Array
+    first: Array
+    rows: Array
+
+
+def _steps(passage: Passage, sensor: str, coordinates: Sequence[int]) -> _Steps:
+    """Return the readings of a pass, with an error of some coordinates of a sensor."""
+    E, n = passage.series('x').shape
+    size = n + len(coordinates)
+    F, Q = np.zeros((2, E, size, size))
+    F[:, :n, :n], Q[:, :n, :n] = passage.series('F'), passage.series('Q')
+    moved = np.zeros((E, size))
+    moved[:, :n] = passage.corrections
+    H, R, innovation = ([np.zeros(0)] * E for _ in range(3))
+    for name in passage.names:
+        known = passage.series('H', name)
+        larger = np.concatenate((known, np.zeros((*known.shape[:2], size - n))), axis=2)
+        if name == sensor:
+            larger[:, list(coordinates), n + np.arange(size - n)] = 1.0
+        each = zip(larger, passage.series('R', name), passage.series('innovation', name))
+        for row, values in zip(passage.of(name).tolist(), each):
+            H[row], R[row], innovation[row] = values
+    first = passage.series('P')[0]
+    rows = passage.of(sensor)
+    return _Steps(H, R, innovation, moved, F, Q, passage.series('dt'), first, rows)
 
 
 def likeliest(
@@ -107,18 +148,19 @@ def likeliest(
     gain, path
         Path (E, c) at the events of the sensor.
     """
+    steps = _steps(passage, sensor, coordinates)
 
     def walk(factor: float) -> _Error:
-        return _Error(passage, sensor, coordinates, np.diag(factor * densities))
+        return _Error(steps, np.diag(factor * densities))
 
     factor, best = 1.0, walk(1.0)
-    for step in (_STEP, 1.0 / _STEP):
+    for by in (_STEP, 1.0 / _STEP):
         start = factor
         for _ in range(_MOST):
-            other = walk(factor * step)
+            other = walk(factor * by)
             if other.misfit >= best.misfit:
                 break
-            factor, best = factor * step, other
+            factor, best = factor * by, other
         if factor != start:  # it grows in one direction alone
             break
     return passage.misfit - best.misfit, best.path()
@@ -137,11 +179,10 @@ def coloured(passage: Passage, sensor: str, covariance: Array) -> tuple[float, f
         of the sensor, drawn given all readings.
     """
     stamps = passage.series('time', sensor)
-    coordinates = range(len(covariance))
+    steps = _steps(passage, sensor, range(len(covariance)))
 
     def noise(time: float) -> _Error:
-        density = 2.0 / time * covariance
-        return _Error(passage, sensor, coordinates, density, 1.0 / time, _WHITE)
+        return _Error(steps, 2.0 / time * covariance, 1.0 / time, _WHITE)
 
     trials, longest = float(np.median(np.diff(stamps))) * _TIMES, _SHARE * np.ptp(stamps)
     tried = {time: noise(time) for time in trials.tolist() if time < longest}
@@ -160,11 +201,8 @@ def whiter(passage: Passage, sensor: str, covariance: Array) -> float:
     The constant is unknown: `_ANYWHERE` times as uncertain as a reading with the declared
     ``covariance`` (k, k).
     """
-    coordinates, none = range(len(covariance)), np.zeros(covariance.shape)
-    tried = (
-        _Error(passage, sensor, coordinates, none, 0.0, share, _ANYWHERE**2 * covariance)
-        for share in _SMALLER
-    )
+    steps, none = _steps(passage, sensor, range(len(covariance))), np.zeros(covariance.shape)
+    tried = (_Error(steps, none, 0.0, share, _ANYWHERE**2 * covariance) for share in _SMALLER)
     return passage.misfit - min(error.misfit for error in tried)
 
 
@@ -173,8 +211,8 @@ class _Error:
 
     Parameters
     ----------
-    passage, sensor, coordinates
-        Pass without the error, and the coordinates with one (c,).
+    steps
+        Readings of the pass, without the error of the sensor.
     density
         Spectral density of the noise that drives the error (c, c).
     decay
@@ -188,76 +226,69 @@ class _Error:
 
     def __init__(
         self,
-        passage: Passage,
-        sensor: str,
-        coordinates: Sequence[int],
+        steps: _Steps,
         density: Array,
         decay: float = 0.0,
         white: float = 1.0,
         start: Array | None = None,
     ) -> None:
-        self._passage, self._sensor, self._coordinates = passage, sensor, list(coordinates)
-        self._density, self._decay, self._white = density, decay, white
-        _, first = self._step(np.inf if decay else _BEFORE)
-        self._start = first if start is None else start
-        self._n = len(passage.events[0].x)
+        self._steps, self._n = steps, len(steps.first)
+        kept, added = _decayed(steps.dt, decay)
+        offsets = self._n + np.arange(len(density))
+        self._F, self._Q = steps.F.copy(), steps.Q.copy()
+        self._F[:, offsets, offsets] = kept[:, None]
+        self._Q[:, self._n :, self._n :] = added[:, None, None] * density
+        of_sensor = np.isin(np.arange(len(steps.R)), steps.rows)
+        self._R = [white * R if mine else R for R, mine in zip(steps.R, of_sensor.tolist())]
+        before = _decayed(np.array([np.inf if decay else _BEFORE]), decay)[1][0]
+        self._start = before * density if start is None else start
         self.misfit = sum(misfit for misfit, _, _ in self._filter())
-
-    def _step(self, dt: float) -> tuple[float, Array]:
-        """Return the share of the error that is left after ``dt``, and the covariance added."""
-        if not self._decay:
-            return 1.0, dt * self._density
-        left = float(np.exp(-self._decay * dt))
-        return left, (1.0 - left * left) / (2.0 * self._decay) * self._density
 
     def _filter(self) -> Iterator[tuple[float, Array, Array]]:
         """Yield the misfit of each event, and the mean and covariance after it."""
-        events, n, c = self._passage.events, self._n, len(self._coordinates)
-        offsets = n + np.arange(c)
-        m, P = np.zeros(n + c), np.zeros((n + c, n + c))
-        P[:n, :n], P[n:, n:] = events[0].P, self._start
-        for event, after in zip(events, [*events[1:], events[-1]]):
-            H, R = np.zeros((len(event.innovation), n + c)), event.R
-            H[:, :n] = event.H
-            if event.sensor == self._sensor:
-                H[self._coordinates, offsets] = 1.0
-                R = self._white * R
+        steps, n = self._steps, self._n
+        m, P = np.zeros(len(self._F[0])), np.zeros(self._F[0].shape)
+        P[:n, :n], P[n:, n:] = steps.first, self._start
+        F_next, Q_next = (np.roll(each, -1, axis=0) for each in (self._F, self._Q))
+        for H, R, nu, F, Q, moved in zip(
+            steps.H, self._R, steps.innovation, F_next, Q_next, steps.moved
+        ):
             PH = P.dot(H.T)
             white, log_size = whitener(H.dot(PH) + R)
-            e = white.dot(event.innovation - H.dot(m))
+            e = white.dot(nu - H.dot(m))
             gain = PH.dot(white.T)
             m, P = m + gain.dot(e), P - gain.dot(gain.T)
             yield float(e.dot(e)) + log_size, m, P
-            _, _, m, P = self._between(event, after, m, P)
-
-    def _between(self, event: Event, after: Event, m: Array, P: Array) -> _Step:
-        """Return the step from the belief after an event to the event ``after`` it."""
-        n, size = self._n, len(m)
-        F, Q = np.zeros((2, size, size))
-        F[:n, :n], Q[:n, :n] = after.F, after.Q
-        share, Q[n:, n:] = self._step(after.dt)
-        F.flat[n * (size + 1) :: size + 1] = share
-        moved = m.copy()
-        moved[:n] -= event.K.dot(event.innovation)
-        return _Step(F, Q, F.dot(moved), symmetric(F.dot(P).dot(F.T) + Q))
+            m, P = F.dot(m - moved), symmetric(F.dot(P).dot(F.T) + Q)
 
     def path(self) -> Array:
         """Return a path (E, c) at the events of the sensor, drawn given all readings."""
-        rng, n, events = np.random.default_rng(_SEED), self._n, self._passage.events
+        rng, n, moved = np.random.default_rng(_SEED), self._n, self._steps.moved
         beliefs = [(m, P) for _, m, P in self._filter()]
         drawn = _draw(rng, *beliefs[-1])
         offsets = [drawn[n:]]
-        for index in reversed(range(len(events) - 1)):
-            m, P = beliefs[index]
-            step = self._between(events[index], events[index + 1], m, P)
-            back = _solved(step.covariance, step.F @ P).T
+        for index in reversed(range(len(beliefs) - 1)):
+            (m, P), F, Q = beliefs[index], self._F[index + 1], self._Q[index + 1]
+            after = symmetric(F.dot(P).dot(F.T) + Q)
+            back = _solved(after, F @ P).T
             # Joseph's form, in which nothing cancels
-            left = np.eye(len(m)) - back @ step.F
-            covariance = left @ P @ left.T + back @ step.Q @ back.T
-            drawn = _draw(rng, m + back @ (drawn - step.mean), covariance)
+            left = np.eye(len(m)) - back @ F
+            covariance = left @ P @ left.T + back @ Q @ back.T
+            drawn = _draw(rng, m + back @ (drawn - F @ (m - moved[index])), covariance)
             offsets.append(drawn[n:])
         whole: Array = np.array(offsets[::-1])
-        return np.asarray(whole[self._passage.of(self._sensor)])
+        return np.asarray(whole[self._steps.rows])
+
+
+def _decayed(dt: Array, decay: float) -> tuple[Array, Array]:
+    """Return the shares of an error that are left after ``dt`` (E,), and its variance by density.
+
+    The variance is that which noise of unit density adds in this time.
+    """
+    if not decay:
+        return np.ones(dt.shape), dt
+    left = np.exp(-decay * dt)
+    return left, (1.0 - left * left) / (2.0 * decay)
 
 
 def _solved(P: Array, right: Array) -> Array:
