@@ -301,4 +301,6 @@ def test_a_sensor_that_is_read_once_in_a_minute_is_compared_without_a_lag():
     record = evidence.sensors['position']
     seldom = replace(record, stamp=60.0 * np.arange(len(record)))
     y = np.sin(np.arange(len(record)))
-    assert _largest_correlation(seldom, y, y[:, np.newaxis]) == pytest.approx(1.0, abs=0.05)
+    assert _largest_correlation(seldom, y[:, np.newaxis], y[:, np.newaxis]) == pytest.approx(
+        1.0, abs=0.05
+    )

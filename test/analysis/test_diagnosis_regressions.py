@@ -651,9 +651,9 @@ def test_readings_are_compared_within_a_second(shift, largest):
     noise = np.random.default_rng(0).normal(size=600)
     readings = record(0.05 * np.arange(400))
     signals = np.column_stack((noise[100 + shift : 500 + shift], noise[:400]))
-    found = unrelated._largest_correlation(readings, -noise[100:500], signals)
+    found = unrelated._largest_correlation(readings, -noise[100:500, None], signals)
     assert (found > 0.9) is largest
-    assert unrelated._largest_correlation(readings, np.ones(400), signals) == 0.0
+    assert unrelated._largest_correlation(readings, np.ones((400, 1)), signals) == 0.0
 
 
 @pytest.mark.parametrize('slope', [0.5, -0.5, 1.0])

@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The ascent to a maximum: on functions whose maxima are known."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 
 from kalman_ros.analysis.tuning import ascent
 from kalman_ros.analysis.tuning.ascent import INTERRUPTED, climb, maximum
 from kalman_ros.analysis.tuning.free_parameter import FreeParameter
-from kalman_ros.analysis.tuning.likelihood import Expansion
+from kalman_ros.analysis.tuning.likelihood import Expansion, Likelihood
 from kalman_ros.analysis.tuning.observations import Observations, Readings
 
 TOP = np.array([0.5, -0.25])
@@ -29,6 +27,9 @@ class Parabola:
         stamp = np.arange(readings, dtype=np.int64)
         given = {'s': Readings(stamp, np.zeros((readings, 1)))}
         self.observations = Observations(given, np.zeros(0, dtype=np.int64), np.zeros((0, 0)))
+
+    def first(self, count):
+        return self
 
     def value(self, z):
         return -0.5 * float((z - self.top) @ INFORMATION @ (z - self.top))
@@ -153,21 +154,13 @@ def test_the_highest_start_and_others_are_followed():
     assert np.abs(np.array(narrow)[:, 0]).max() <= 0.1
 
 
-@dataclass(frozen=True)
-class Observed:
-    """What of a likelihood says how much is compared."""
-
-    observations: Observations
-    until: int | None
-
-
 def test_the_first_part_is_as_long_as_is_worth_while():
     def part(readings, until=None):
         stamp = np.arange(readings, dtype=np.int64)[::-1].copy()
         given = {'s': Readings(stamp, np.zeros((readings, 1)))}
         observed = Observations(given, np.zeros(0, dtype=np.int64), np.zeros((0, 0)))
-        likelihood = Observed(observed, until)
-        first = ascent._first_part(likelihood, ascent.SHORT)
+        likelihood = Likelihood([], None, observed, None, until)
+        first = likelihood.first(ascent.SHORT)
         return first is likelihood, first.until
 
     assert part(1000) == (True, None)

@@ -80,15 +80,36 @@ def test_what_cannot_be_expanded_is_an_end():
     assert below == pytest.approx(-1.96) and 0.0 < above <= 1.0
 
 
-@pytest.mark.slow
-def test_a_delay_known_to_a_tenth_of_a_second_has_an_interval():
-    """A tenth of the range from -1 to 1 s that a delay can have: it was called not determined."""
+@pytest.fixture(scope='module')
+def uncertain():
+    """Return the likelihood of a delay with an error of 0.3 s and a wide interval."""
     case = replace(
         COVERED[2], fitted=['position.delay'], errors={'position.delay': 0.3}, starts={},
         seconds=20.0, values={**COVERED[2].values, 'position.noise': [0.5, 0.5]},
     )  # fmt: skip
-    (found,) = fit(likelihood(case, recorded(case, 3))).parameters
+    return likelihood(case, recorded(case, 3))
+
+
+@pytest.mark.slow
+def test_a_delay_known_to_a_tenth_of_a_second_has_an_interval(uncertain):
+    """A tenth of the range from -1 to 1 s that a delay can have: it was called not determined."""
+    (found,) = fit(uncertain).parameters
     assert found.determined
     assert 0.1 < found.high - found.low < 0.9
     assert found.low < 0.3 < found.high
     assert found.interval == f'{found.low:.4g} to {found.high:.4g}'
+
+
+@pytest.mark.slow
+def test_an_interrupt_while_an_interval_is_computed_keeps_the_value(uncertain, monkeypatch):
+    asked = []
+
+    def interrupted(*_):
+        asked.append(1)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr('kalman_ros.analysis.tuning.fit.ends', interrupted)
+    found = fit(uncertain)
+    (value,) = found.parameters
+    assert asked and found.interrupted
+    assert 0.0 < value.value < 0.6 and not value.determined and value.interval == ''

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -54,7 +55,6 @@ def columns(
     """
     labels: list[tuple[str, ...]] = []
     readings: dict[str, list[tuple[int, Array]]] = {}
-    offsets, limits = {}, edges(passage)
     for name in passage.names:
         readings[name] = []
         if subject not in ('', name):
@@ -64,12 +64,6 @@ def columns(
         labels += sensor_labels
         if subject:
             return Columns(labels, readings)
-        offsets[name] = len(labels) + offset_columns(passage, name, limits)
-        labels += [
-            ('offset', name, str(index), str(piece))
-            for index in range(block.shape[1])
-            for piece in range(len(limits) - 1)
-        ]
     numbers = [*varied(evidence)]
     pushed, pushes = _pushes(evidence, passage, tones)
     changed, state = _state_columns(evidence, passage, numbers)
@@ -78,27 +72,37 @@ def columns(
         if any(name in each.sensors for each in numbers):
             added = _read_parameters(evidence, passage, name, numbers)
             blocks.append((len(labels) - len(numbers), added))
+    offset, offsets = ([], {}) if subject else _offsets(passage, passage.names, edges(passage))
+    labels += offset
     return Columns(labels, readings, offsets, pushes, state)
 
 
-def offset_columns(passage: Passage, name: str, limits: Array) -> Array:
-    """Return the column (E, k) of the offset of each coordinate of the readings of a sensor.
+def _offsets(
+    passage: Passage, names: Sequence[str], limits: Array
+) -> tuple[list[tuple[str, ...]], dict[str, Any]]:
+    """Return the labels of offsets of sensors, and that of each coordinate of each reading (E, k).
 
-    Each coordinate has a column for each piece between the ``limits`` (B + 1,), in this order.
+    There is one for each piece between the ``limits`` (B + 1,) and each coordinate of all sensors:
+    all those of a piece, then those of the next one.
     """
-    B, k = len(limits) - 1, passage.series('innovation', name).shape[1]
-    pieces = np.searchsorted(limits, passage.series('time', name), 'right') - 1
-    coordinates = np.arange(k)
-    return np.asarray(B * coordinates + np.clip(pieces, 0, B - 1)[:, None])
+    sizes = {name: passage.series('innovation', name).shape[1] for name in names}
+    each = [(name, str(i)) for name, k in sizes.items() for i in range(k)]
+    labels: list[tuple[str, ...]] = [
+        ('offset', *of, str(b)) for b in range(len(limits) - 1) for of in each
+    ]
+    found, first = {}, 0
+    for name, k in sizes.items():
+        piece = np.searchsorted(limits, passage.series('time', name), 'right') - 1
+        start = len(each) * np.clip(piece, 0, len(limits) - 2)
+        found[name] = start[:, None] + first + np.arange(k)
+        first += k
+    return labels, found
 
 
 def offset_responses(passage: Passage, name: str, limits: Array) -> Responses:
     """Return the regression on the offsets of a sensor alone, in pieces of any length."""
-    offsets, pieces = offset_columns(passage, name, limits), range(len(limits) - 1)
-    labels = [
-        ('offset', name, str(i), str(piece)) for i in range(offsets.shape[1]) for piece in pieces
-    ]
-    return responses(passage, Columns(labels, {}, {name: offsets}))
+    labels, offsets = _offsets(passage, [name], limits)
+    return responses(passage, Columns(labels, {}, offsets))
 
 
 def _sensor_columns(

@@ -72,11 +72,13 @@ class Columns:
         Effects of the columns ``first`` to ``first + p`` on the readings, by sensor: several
         (first, (E, k, p)) in the order of the events of the sensor.
     offsets
-        The column that adds 1 to each coordinate of each reading (E, k), by sensor.
+        Which of the last columns adds 1 to each coordinate of each reading (E, k), by sensor; a
+        later column belongs to a later reading.
     pushes
         Effect of the columns before those of ``state``.
     state
-        Effect of the last columns on the state over the step to each event (E, n, p).
+        Effect of the columns before the offsets on the state over the step to each event
+        (E, n, p).
     """
 
     labels: Sequence[tuple[str, ...]]
@@ -84,6 +86,18 @@ class Columns:
     offsets: Mapping[str, Any] = field(default_factory=dict)
     pushes: Pushes | None = None
     state: Array | None = None
+
+    @property
+    def first_offset(self) -> int:
+        """Number of columns before those of the offsets."""
+        return sum(label[0] != 'offset' for label in self.labels)
+
+    def count(self, passage: Passage) -> Any:
+        """Return of how many columns there is an effect up to each event (E,)."""
+        last = np.zeros(len(passage.events), dtype=int)
+        for name, columns in self.offsets.items():
+            last[passage.of(name)] = columns.max(axis=1) + 1
+        return self.first_offset + np.maximum.accumulate(last)
 
 
 @dataclass(frozen=True)
@@ -170,33 +184,47 @@ def fitted(gradient: Array, information: Array) -> Fit:
 def responses(passage: Passage, columns: Columns) -> Responses:
     """Return the regression of the innovations of a filter pass on the columns."""
     p, pushes, state = len(columns.labels), columns.pushes, columns.state
-    last = p - (0 if state is None else state.shape[2])
+    counts, offsets = columns.count(passage), columns.first_offset
+    last = offsets - (0 if state is None else state.shape[2])
     first = last - (0 if pushes is None else len(pushes))
     added = repeat(0.0) if pushes is None else pushes.steps()
-    error = np.zeros((len(passage.events[0].x), p))
     seen = Counter[str]()
     gradient, information = np.zeros(p), np.zeros((p, p))
     rows = _ROWS + max(map(len, passage.whitened), default=0)
-    Z, whitened, row = np.zeros((rows, p)), np.zeros(rows), 0
-    for index, (event, e, pushed) in enumerate(zip(passage.events, passage.whitened, added)):
+    error = np.zeros((passage.series('x').shape[1], 0))
+    memory, whitened, row = np.empty(rows * p), np.empty(rows), 0
+    Z = memory[:0].reshape(rows, 0)
+
+    def take() -> None:
+        count = Z.shape[1]
+        gradient[:count] += Z[:row].T @ whitened[:row]
+        information[:count, :count] += Z[:row].T @ Z[:row]
+
+    each = zip(passage.events, passage.whitened, added, counts.tolist())
+    for index, (event, e, pushed, count) in enumerate(each):
+        if count > error.shape[1]:
+            take()
+            error = np.pad(error, ((0, 0), (0, count - error.shape[1])))
+            Z, row = memory[: rows * count].reshape(rows, count), 0
         error = event.F.dot(error)
         error[:, first:last] += pushed
         if state is not None:
-            error[:, last:] += state[index]
+            error[:, last:offsets] += state[index]
         response = event.H.dot(error)
         row_of_sensor = seen[event.sensor]
         seen[event.sensor] += 1
         for begin, readings in columns.readings.get(event.sensor, ()):
             response[:, begin : begin + readings.shape[2]] += readings[row_of_sensor]
         if event.sensor in columns.offsets:
-            response[range(len(e)), columns.offsets[event.sensor][row_of_sensor]] += 1.0
+            at = offsets + columns.offsets[event.sensor][row_of_sensor]
+            response[range(len(e)), at] += 1.0
         error -= event.K.dot(response)
         end = row + len(e)
         event.white.dot(response, out=Z[row:end])
         whitened[row:end] = e
         row = end
-        if row >= _ROWS or event is passage.events[-1]:
-            gradient += Z[:row].T @ whitened[:row]
-            information += Z[:row].T @ Z[:row]
+        if row >= _ROWS:
+            take()
             row = 0
+    take()
     return Responses(columns.labels, gradient, information)

@@ -246,9 +246,9 @@ def _offsets(case: Examination, name: str, limits: Array) -> Pieces:
 
 
 def _by_piece(gradient: Array, information: Array, B: int) -> Pieces:
-    """Return the regression with the B pieces first, in place of the coordinates."""
+    """Return the regression on offsets in B pieces, which stand behind each other."""
     k = len(gradient) // B
-    return Pieces(gradient.reshape(k, B).T, information.reshape(k, B, k, B).transpose(1, 0, 3, 2))
+    return Pieces(gradient.reshape(B, k), information.reshape(B, k, B, k))
 
 
 def _shifted(case: Examination, name: str, found: Offsets, limits: Array) -> Finding:

@@ -126,7 +126,7 @@ def _compare(case: Examination, name: str, others: LeftOut) -> _Comparison | Non
     if not excited.any() or not (y.std(axis=0) > 0.0).all():
         return None
     signals = np.column_stack((expected, _linear_values(case.evidence.scenario.model.state, x)))
-    largest = max(_largest_correlation(record, column, signals) for column in y.T)
+    largest = _largest_correlation(record, y, signals)
     z = min(
         _slope_deviation(one[:, i], other[:, i])
         for one, other in ((y, expected), (expected, y))
@@ -142,10 +142,11 @@ def _linear_values(space: Space, values: Array) -> Array:
 
 
 def _largest_correlation(record: SensorRecord, y: Array, signals: Array) -> float:
-    """Return the largest correlation of readings (N,) with signals (N, m), at any lag."""
+    """Return the largest correlation of readings (N, k) with signals (N, m), at any lag."""
     interval = max(float(np.median(np.diff(record.stamp))), 1e-6)
     grid = np.arange(record.stamp[0], record.stamp[-1], interval)
-    size, lags = 2 * len(grid), max(int(_LAG / interval), 1)
+    lags = max(int(_LAG / interval), 1)
+    size = 1 << (2 * len(grid) - 1).bit_length()  # a fast length, with room for all lags
     kept_lags = np.r_[0 : min(lags + 1, len(grid)), max(size - lags, len(grid)) : size]
 
     def spectrum(values: Array) -> Array:
@@ -154,10 +155,11 @@ def _largest_correlation(record: SensorRecord, y: Array, signals: Array) -> floa
         norm = float(np.linalg.norm(resampled))
         return np.asarray(np.fft.rfft(resampled / norm if norm > 0.0 else resampled, size))
 
-    first = spectrum(y)
+    conjugates = [spectrum(signal).conj() for signal in signals.T]
     return max(
-        float(np.abs(np.fft.irfft(first * spectrum(signal).conj(), size)[kept_lags]).max())
-        for signal in signals.T
+        float(np.abs(np.fft.irfft(first * other, size)[kept_lags]).max())
+        for first in map(spectrum, y.T)
+        for other in conjugates
     )
 
 

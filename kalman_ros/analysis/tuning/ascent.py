@@ -47,7 +47,7 @@ _UNRESOLVED = 0.02
 _NEAR = 5.0
 
 #: Number of ascents from a plateau, and of values of a parameter that are compared there.
-_PLATEAUS, _VALUES = 4, 8
+_PLATEAUS, _PLACES = 4, 12
 
 #: Reason of an ascent that the user interrupted.
 INTERRUPTED = 'interrupted'
@@ -241,10 +241,10 @@ def maximum(likelihood: Likelihood, report: Report = _ignore, seed: int = 0) -> 
     KeyboardInterrupt
         If it is interrupted before there is a result.
     """
-    short = _first_part(likelihood, SHORT)
+    short = likelihood.first(SHORT)
     is_whole = short is likelihood
     centres = [likelihood.start]
-    best = scanned(likelihood, _first_part, _SCANNED, report)
+    best = scanned(likelihood, _SCANNED, report)
     if (best != centres[0]).any():
         centres.append(best)
     report('comparing starts', 0.0)
@@ -303,35 +303,29 @@ def _climbed(
 
 def _beyond_plateau(likelihood: Likelihood, top: Expansion) -> Expansion | None:
     """Return a point that is likelier, by another value of a parameter that does not show."""
-    points = []
+    best, most = None, top.value + LITTLE
     for index in np.flatnonzero(top.information.diagonal() <= _BLIND).tolist():
-        for value in np.linspace(likelihood.start[index], top.z[index], _VALUES, endpoint=False):
-            point = top.z.copy()
-            point[index] = value
-            points.append(point)
-    if not points:
-        return None
-    values = likelihood.values(points)
-    best = int(np.argmax(values))
-    return likelihood.expand(points[best]) if values[best] > top.value + LITTLE else None
+        points, values = towards_start(likelihood, top.z, index)
+        highest = int(np.argmax(values))
+        if values[highest] > most:
+            best, most = points[highest], values[highest]
+    return None if best is None else likelihood.expand(best)
+
+
+def towards_start(likelihood: Likelihood, z: Array, index: int) -> tuple[Array, Array]:
+    """Return points from the start of one parameter to its value at z (p,), and their likelihood.
+
+    The points (`_PLACES`, p) do not contain z.
+    """
+    points = np.tile(z, (_PLACES, 1))
+    points[:, index] = np.linspace(likelihood.start[index], z[index], _PLACES, endpoint=False)
+    return points, likelihood.values(list(points))
 
 
 def _highest(ends: Sequence[Ascent], before: float, stopped: str = '') -> Ascent:
     """Return the highest of several ascents; ``stopped`` is the reason if all ended early."""
     best = max(ends, key=lambda end: end.top.value)
     return replace(best, before=before, stopped=stopped or best.stopped)
-
-
-def _first_part(likelihood: Likelihood, count: int) -> Likelihood:
-    """Return the likelihood of the first readings, or of all if they are less than twice these."""
-    stamps = np.sort(
-        np.concatenate([readings.stamp for readings in likelihood.observations.readings.values()])
-    )
-    if likelihood.until is not None:
-        stamps = stamps[stamps <= likelihood.until]
-    if len(stamps) <= 2 * count:
-        return likelihood
-    return replace(likelihood, until=int(stamps[count]))
 
 
 def _starts(likelihood: Likelihood, start: Array, seed: int) -> list[Array]:

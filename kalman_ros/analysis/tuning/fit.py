@@ -12,15 +12,12 @@ import numpy as np
 from kalman_ros.core import Array
 from kalman_ros.estimators.consistency import chi_square_gate
 
-from .ascent import INTERRUPTED, LITTLE, Ascent, Report, _ignore, climb, maximum
+from .ascent import INTERRUPTED, LITTLE, Ascent, Report, _ignore, climb, maximum, towards_start
 from .ends import ends
 from .identifiability import UNCERTAIN, Determination, determination
 from .intervals import reach
 from .likelihood import Expansion, Likelihood
 from .restricted import Restricted, restricted, unrestricted
-
-#: Number of values between the start and the maximum of a parameter that the data do not show.
-_PLACES = 13
 
 
 @dataclass(frozen=True)
@@ -150,10 +147,14 @@ def fit(likelihood: Likelihood, report: Report = _ignore) -> Fit:
     start = ascent.before - likelihood.prior(likelihood.start)[0]
     top, determined = end.top, end.found
     point, beyond = _place_unseen(likelihood, top, determined.seen)
-    fitted = []
+    fitted, stopped = [], ascent.stopped
     for index, free in enumerate(likelihood.parameters):
         reason = beyond.get(index, determined.reasons[index])
-        below, above, reason = _interval(likelihood, end, index, reason, not ascent.stopped)
+        try:
+            below, above, reason = _interval(likelihood, end, index, reason, not stopped)
+        except KeyboardInterrupt:
+            stopped = INTERRUPTED
+            below, above, reason = _interval(likelihood, end, index, reason, False)
         low = -inf if below == -inf else free.value(below)
         high = inf if above == inf else free.value(above)
         value = free.value(float(point[index]))
@@ -162,7 +163,7 @@ def fit(likelihood: Likelihood, report: Report = _ignore) -> Fit:
     count = sum(1 for event in events if event.order < len(likelihood.observations.readings))
     return Fit(
         tuple(fitted), determined.correlation, start, max(ascent.top.data, top.data),
-        determined.rank, count, ascent.steps, ascent.stopped, likelihood is not requested, top,
+        determined.rank, count, ascent.steps, stopped, likelihood is not requested, top,
         determined,
     )  # fmt: skip
 
@@ -224,12 +225,9 @@ def _place_unseen(
     point = top.z.copy()
     beyond: dict[int, str] = {}
     for index in unseen:
-        way = np.linspace(start[index], top.z[index], _PLACES)
-        points = np.tile(top.z, (_PLACES - 1, 1))
-        points[:, index] = way[:-1]
-        as_likely = np.append(likelihood.values(list(points)) > top.value - LITTLE, True)
-        nearest = int(np.argmax(as_likely))
-        point[index] = way[nearest]
+        points, values = towards_start(likelihood, top.z, index)
+        nearest = int(np.argmax(np.append(values > top.value - LITTLE, True)))
+        point[index] = [*points[:, index], top.z[index]][nearest]
         if nearest:
             size = 'small' if top.z[index] < start[index] else 'large'
             beyond[index] = f'it is too {size} for these data to show it'

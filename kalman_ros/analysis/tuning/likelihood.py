@@ -14,7 +14,7 @@ differences of filters that run in one batch.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log, pi
 
 import numpy as np
@@ -67,6 +67,15 @@ class Likelihood:
     observations: Observations
     conditions: Conditions
     until: int | None = None
+
+    def first(self, count: int) -> Likelihood:
+        """Return that of the first readings, or of all if there are no more than twice these."""
+        stamps = np.sort(
+            np.concatenate([readings.stamp for readings in self.observations.readings.values()])
+        )
+        if self.until is not None:
+            stamps = stamps[stamps <= self.until]
+        return self if len(stamps) <= 2 * count else replace(self, until=int(stamps[count]))
 
     def candidate(self, z: Array) -> Candidate:
         """Return the candidate at a point z (p,)."""

@@ -20,13 +20,9 @@ from .likelihood import Likelihood
 _DIFFERENT = 10.0
 #: Number of times that the spacing is halved about the best value.
 _HALVED = 2
-#: Returns the first part of a likelihood, with about the given number of readings.
-Cut = Callable[[Likelihood, int], Likelihood]
 
 
-def scanned(
-    likelihood: Likelihood, cut: Cut, readings: int, report: Callable[[str, float], None]
-) -> Array:
+def scanned(likelihood: Likelihood, readings: int, report: Callable[[str, float], None]) -> Array:
     """Return the start (p,) with the best value of each parameter that has a ``scan``.
 
     Each is scanned between its bounds with the others as they are. The first ``readings`` are used
@@ -40,14 +36,14 @@ def scanned(
         spacing = free.scan / free.scale
         below, above = np.arange(z[index], low, -spacing), np.arange(z[index], high, spacing)
         grid = np.unique(np.concatenate((below, above)))
-        count, part = readings, cut(likelihood, readings)
+        count, part = readings, likelihood.first(readings)
         while True:
             values = _values(part, z, index, grid, partial(report, f'scanning {free.name}'))
             defined = values[np.isfinite(values)]
             if part is likelihood or (len(defined) and np.ptp(defined) > _DIFFERENT):
                 break
             count *= 2
-            part = cut(likelihood, count)
+            part = likelihood.first(count)
         for _ in range(_HALVED):
             z[index] = grid[np.argmax(values)]
             spacing *= 0.5
