@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from itertools import permutations
 from math import exp, inf, log, pi
 
@@ -26,7 +26,7 @@ from . import input_axes
 from .evidence import Evidence
 from .examination import Examination
 from .finding import Finding
-from .lateness import TimeSearch
+from .lateness import TimeSearch, shift_stamps, stamped
 from .mounting import axes_exchanged, turned, vectors
 from .passage import DROPPED, Passage, in_both, passage
 from .peak import deviation, peak
@@ -176,10 +176,10 @@ def _quarter_turns(case: Examination, name: str) -> Iterator[Finding]:
 
 def _time(case: Examination, name: str) -> Iterator[Finding]:
     """Yield the likeliest time by which the stamps of a sensor are wrong, if any explains more."""
-    search = TimeSearch(case, name, gain)
+    search = TimeSearch(case, partial(shift_stamps, case.evidence, name), gain)
     start = max(_TIMES, key=search.gain)
     if search.gain(start) > 0.0:
-        yield search.from_time(start)
+        yield stamped(case.evidence, name, 0.0, search.from_time(start))
 
 
 def _scale(

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -18,6 +18,8 @@ from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
 from .hypotheses import edges, held
+from .lateness import MISFIT, TimeSearch
+from .passage import explained_in_both
 from .tested import likelier
 
 #: Two gains that differ by less than this are no finding.
@@ -26,6 +28,8 @@ _RELEVANT = 0.05
 _DEAD_SHARE = (0.3, 1.5)
 #: Least share of the inputs that enter or cross a dead zone; otherwise it is a constant offset.
 _MOVING = 0.05
+#: Shortest time (s) by which an input is stamped late that passes look for.
+_SOONEST = 0.01
 #: Most periods of a sine in an interval between two inputs, by which it is corrected.
 _FOLLOWED = 0.25
 
@@ -182,17 +186,38 @@ def _later(case: Examination, index: int, seconds: float) -> Array:
     return held(stamps, values, stamps - seconds + 2e-6)
 
 
-def _find_late(case: Examination) -> list[Finding]:
-    """Return the delay of all inputs, which are in one message, as a pure delay."""
+def _find_late(case: Examination) -> Iterator[Finding]:
+    """Yield the delay of all inputs, which are in one message, as a pure delay.
+
+    If the filter does not fit, it is searched by passes, too, and may be negative.
+    """
     found = _delay(case)
-    if found is None or found.gain < CHANCE or found.weight <= 0.0:
-        return []
-    return [_late(case.evidence, found.seconds, found.std * found.lag, found.gain)]
+    if found is None:
+        return
+    if found.gain >= CHANCE and found.weight > 0.0:
+        yield _late(case.evidence, found.seconds, found.std * found.lag, found.gain)
+    if case.passage.mean_square > MISFIT:
+        search = TimeSearch(case, case.evidence.with_late_inputs, explained_in_both)
+        fit = search.likeliest(max(1.0 / case.evidence.scenario.rate, _SOONEST))
+        if fit is not None:
+            yield _late(case.evidence, float(fit.size[0]), float(fit.std[0]), fit.gain)
 
 
 def _late(evidence: Evidence, seconds: float, std: float, gain: float) -> Finding:
-    """Return the finding that all inputs act late."""
+    """Return the finding that all inputs act late, or are stamped late."""
     names = ', '.join(evidence.scenario.model.input.names)
+    kind, subject, change = 'input delay', names, {}
+    sentence = (
+        f'the input acts {seconds:.4g} ± {std:.1g} s after its command: a delay of the actuator, '
+        'or of the connection to it.'
+    )
+    if seconds < 0.0:
+        kind, subject, option = 'stamps late', 'input', 'input.stamp_offset'
+        change = {option: round(float(evidence.parameters.get(option, 0.0)) + seconds, 4)}
+        sentence = (
+            f'the input acts {-seconds:.4g} ± {std:.1g} s before its stamps: they are made on '
+            'receipt, or by a clock that is ahead of those of the sensors.'
+        )
 
     def again(after: Examination) -> Finding | None:
         """Return the delay with what remains of it."""
@@ -200,10 +225,8 @@ def _late(evidence: Evidence, seconds: float, std: float, gain: float) -> Findin
         return more and _late(evidence, seconds + more.seconds, more.std * more.lag, gain)
 
     return Finding(
-        'input delay', names,
-        f'the input acts {seconds:.4g} ± {std:.1g} s after its command: a delay of the actuator, '
-        'or of the connection to it.',
-        gain**0.5, gain=gain, mended=lambda: evidence.with_late_inputs(seconds), again=again,
+        kind, subject, sentence, gain**0.5, change, gain=gain,
+        mended=lambda: evidence.with_late_inputs(seconds), again=again,
     )  # fmt: skip
 
 

@@ -30,6 +30,8 @@ _EARLIEST, _LATEST, _SHARE = 0.002, 1.0, 0.1
 _FEWEST, _STEP, _PROMISING = 20, (0.01, 0.05), 10.0
 #: Number of readings on which times are tried.
 _PART = 3000
+#: Mean square of innovations from which long times are tried, and the ratio of one to the next.
+MISFIT, _FARTHER = 1.2, 3.0
 
 
 def find(case: Examination) -> list[Finding]:
@@ -91,7 +93,7 @@ def hidden(case: Examination) -> list[Finding]:
             rate = slope(record.received, latency(record))
             if abs(rate) > 1e-3:
                 continue
-            findings.append(_shifted(case.evidence, name, 0.0, fit))
+            findings.append(stamped(case.evidence, name, 0.0, fit))
     return [*findings, *_by_passes(case)]
 
 
@@ -99,33 +101,42 @@ def _by_passes(case: Examination) -> Iterator[Finding]:
     """Yield the sensors that fit another time better, by passes of the filter.
 
     They are those of which the regression knows nothing, since the model has no rate of the state
-    that they read: it walks at random.
+    that they read: it walks at random. In a filter that does not fit they are all, since a long
+    time is beyond the regression.
     """
+    far = case.passage.mean_square > MISFIT
     for name in case.judged:
         fit, count = case.responses.first('stamp', name), len(case.passage.of(name))
         least = min(max(case.evidence.duration / max(count, 1), _STEP[0]), _STEP[1])
-        if fit is not None and count >= _FEWEST and not 0.0 < fit.std[0] <= least:
-            search = TimeSearch(case, name, explained_in_both)
-            tau = max((-least, least), key=search.gain)
-            if search.gain(tau) > _PROMISING:
-                yield search.from_time(tau)
+        if fit is None or count < _FEWEST or (not far and 0.0 < fit.std[0] <= least):
+            continue
+        search = TimeSearch(case, partial(shift_stamps, case.evidence, name), explained_in_both)
+        found = search.likeliest(least, far)
+        if found is not None:
+            yield stamped(case.evidence, name, 0.0, found)
 
 
 class TimeSearch:
-    """The search of the time by which stamps of a sensor are wrong, in a part that shows it.
+    """The search of a time by which stamps are wrong, in a part of a recording that shows it.
 
     Parameters
     ----------
-    case, name
-        Recording and sensor.
+    case
+        Recording.
+    shift
+        Function that returns the recording with stamps that are later by a time in s.
     compare
         Function that returns the gain of a pass with other times, the second one, over the first.
     """
 
     def __init__(
-        self, case: Examination, name: str, compare: Callable[[Passage, Passage], float]
+        self,
+        case: Examination,
+        shift: Callable[[float], Evidence],
+        compare: Callable[[Passage, Passage], float],
     ) -> None:
-        self._evidence, self._name, self._compare = case.evidence, name, compare
+        self._shift, self._compare = shift, compare
+        self._longest = max(_LATEST, _SHARE * case.evidence.duration)
         count = min(len(case.passage.events), _PART)
         self._share = count / len(case.passage.events)
         self._before = case.passage.first(count)
@@ -136,25 +147,34 @@ class TimeSearch:
         """Return how much a time explains of the whole, by the part."""
         if tau not in self._gains:
             try:
-                after = passage(_shift_stamps(self._evidence, self._name, tau), self._until)
+                after = passage(self._shift(tau), self._until)
                 self._gains[tau] = self._compare(self._before, after) / self._share
             except np.linalg.LinAlgError:
                 self._gains[tau] = -inf
         return self._gains[tau]
 
-    def from_time(self, tau: float) -> Finding:
-        """Return the finding of the time that explains most, from one of the same sign on."""
-        longest = _SHARE * self._evidence.duration
-        while abs(2.0 * tau) < longest and self.gain(2.0 * tau) > self.gain(tau):
+    def likeliest(self, least: float, far: bool = True) -> Fit | None:
+        """Return the time that explains most, if any does.
+
+        Times of ``least`` s are tried in both directions, and if it may be ``far`` longer ones.
+        """
+        times = [least]
+        while far and _FARTHER * times[-1] < self._longest:
+            times.append(_FARTHER * times[-1])
+        tau = max((sign * time for time in times for sign in (-1.0, 1.0)), key=self.gain)
+        return self.from_time(tau) if self.gain(tau) > _PROMISING else None
+
+    def from_time(self, tau: float) -> Fit:
+        """Return the time that explains most, from one of the same sign on."""
+        while abs(2.0 * tau) < self._longest and self.gain(2.0 * tau) > self.gain(tau):
             tau *= 2.0
         near = peak(self.gain, *sorted((0.5 * tau, tau, 2.0 * tau)))
         tau = near[1]
         std = min(deviation(self.gain, *near), abs(tau))
-        fit = Fit(np.array([tau]), np.array([[std**2]]), self.gain(tau))
-        return _shifted(self._evidence, self._name, 0.0, fit)
+        return Fit(np.array([tau]), np.array([[std**2]]), self.gain(tau))
 
 
-def _shifted(evidence: Evidence, name: str, before: float, fit: Fit) -> Finding:
+def stamped(evidence: Evidence, name: str, before: float, fit: Fit) -> Finding:
     """Return the finding that stamps are wrong by a fitted time beyond ``before`` seconds."""
     tau, option, record = (
         before + float(fit.size[0]),
@@ -166,7 +186,7 @@ def _shifted(evidence: Evidence, name: str, before: float, fit: Fit) -> Finding:
         more = after.responses.first('stamp', name)
         if more is None or not more.remains:
             return None
-        return _shifted(evidence, name, tau, more)
+        return stamped(evidence, name, tau, more)
 
     change = {option: round(float(evidence.parameters.get(option, 0.0)) + tau, 4)}
     side, when = 'after', 'too early'
@@ -184,12 +204,12 @@ def _shifted(evidence: Evidence, name: str, before: float, fit: Fit) -> Finding:
         change,
         gain=fit.gain,
         figure=picture(name, record, 'latency'),
-        mended=partial(_shift_stamps, evidence, name, tau),
+        mended=partial(shift_stamps, evidence, name, tau),
         again=again,
     )
 
 
-def _shift_stamps(evidence: Evidence, name: str, tau: float) -> Evidence:
+def shift_stamps(evidence: Evidence, name: str, tau: float) -> Evidence:
     """Return the evidence with the stamps of a sensor increased by ``tau`` seconds."""
     record = evidence.sensors[name]
     return evidence.with_sensor(name, replace(record, stamp=record.stamp + tau))
