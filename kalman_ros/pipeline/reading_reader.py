@@ -85,10 +85,7 @@ class ReadingReader:
         self._read, self._origin = WireReader(codec_of(read, origin=origin)), origin
         self.message_type = self._read.message_type
         self._guard = FrameGuard(signal, self.message_type, frames, warn)
-        self._offset = signal.stamp_offset
-        if self._offset and not hasattr(self.message_type, 'header'):
-            why = f'expected messages with a stamp, {signal.type} has none'
-            raise ValueError(f"signal '{signal.topic}': stamp_offset: {why}")
+        self._offset = _stamp_offset(signal, self.message_type)
         #: Reason why the last unreadable message was refused; '' before the first.
         self.trouble = ''
         #: Covariance of the last message, its sensor, and the covariance used in its place.
@@ -180,6 +177,20 @@ class UnusableInputError(ValueError):
         self.outcome = outcome
 
 
+def _stamp_offset(signal: Signal, message_type: Any) -> int:
+    """Return what is added to the stamps of a signal, in nanoseconds.
+
+    Raises
+    ------
+    ValueError
+        If its messages have none.
+    """
+    if signal.stamp_offset and not hasattr(message_type, 'header'):
+        why = f'expected messages with a stamp, {signal.type} has none'
+        raise ValueError(f"signal '{signal.topic}': stamp_offset: {why}")
+    return signal.stamp_offset
+
+
 class InputReader:
     """Reader of the known input.
 
@@ -210,6 +221,7 @@ class InputReader:
             signal, self.message_type, frames, lambda why: warn(f'input: {why}')
         )
         self._declared = bool(signal.mounting.frame)
+        self._offset = _stamp_offset(signal, self.message_type)
 
     def read(self, data: bytes) -> Sample:
         """Return the input in a message.
@@ -222,6 +234,9 @@ class InputReader:
             If the bytes are not those of such a message, or the input is not in it.
         """
         sample = self._read.read(data)
+        # a stamp of zero means that there is no stamp
+        if self._offset and sample.time:
+            sample = sample._replace(time=sample.time + self._offset)
         if not data.startswith(self._guard.accepted, FRAME_START):
             other = self._guard(data)
             if other and self._declared:
@@ -233,7 +248,7 @@ class InputReader:
         except ValueError as error:
             raise UnusableInputError(Outcome.NO_TRANSFORM, str(error)) from None
         self._signal, self._read, self._mounts = signal, InputDecoder(signal), None
-        return self._read(data)
+        return self.read(data)
 
     def configure(self, signal: Signal) -> None:
         """Use the scale of a signal that was changed live; its names are the same."""

@@ -288,7 +288,8 @@ def _input(given: dict[str, Any], size: int, scale: tuple[float, ...]) -> Signal
     """Return the signal of the input, whose axes may be turned against the body's."""
     rotation, convention = given.pop('mount.rotation'), given.pop('convention')
     place, frame, from_tf = (given.pop(key) for key in ('mount.translation', 'frame', 'mount.tf'))
-    signal = _signal('input', given, size)
+    offset = round(given.pop('stamp_offset') * 1e9)
+    signal = replace(_signal('input', given, size), stamp_offset=offset)
     try:
         mount = mounting(rotation, convention, frame, place, from_tf)
         signal = replace(signal, mounting=mount.at(place)._replace(scale=scale))

@@ -24,7 +24,7 @@ from kalman_ros.estimators import FILTERS
 
 from .model_checks import check_equilibrium
 from .parameter_files import section
-from .signal_declarations import AXES, sensor_options, signal_options
+from .signal_declarations import AXES, STAMP_OFFSET, sensor_options, signal_options
 from .wiring import by_name, driven_by_name
 from .wiring import system as system_of
 
@@ -67,7 +67,7 @@ def options(values: Mapping[str, Any], *, with_law: bool = True) -> dict[str, Op
     found.update(signal_options('state', system.state, 'the estimate, truth and reference'))
     if built.input.size:
         found.update(signal_options('input', system.input, 'the input'))
-        for key, (value, about) in AXES.items():
+        for key, (value, about) in {**AXES, 'stamp_offset': STAMP_OFFSET}.items():
             found[f'input.{key}'] = Option(f'input.{key}', value, about)
         if with_law:
             from . import law

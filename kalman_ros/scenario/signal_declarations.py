@@ -21,6 +21,14 @@ _STILL = 'stand-still'
 _DOUBTED = 'spikes'
 
 
+#: The correction of stamps, of a sensor or of the input.
+STAMP_OFFSET: tuple[Value, About] = (
+    0.0,
+    About(
+        'added to the stamps: below 0 for stamps that are late', 's', -10.0, 10.0,
+        feature=_CORRECTED,
+    ),
+)  # fmt: skip
 #: The options of axes and frames, of a sensor or of the input.
 AXES: Mapping[str, tuple[Value, About]] = {
     'mount.translation': (
@@ -104,16 +112,7 @@ def sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
             About("'relative' to its first, or 'differential': a velocity", feature=_FRAMES),
         ),
         'frame': AXES['frame'],
-        'stamp_offset': (
-            0.0,
-            About(
-                'added to the stamps: below 0 for stamps that are late',
-                's',
-                -10.0,
-                10.0,
-                feature=_CORRECTED,
-            ),
-        ),
+        'stamp_offset': STAMP_OFFSET,
         'bias_std': (
             [0.0],
             About(

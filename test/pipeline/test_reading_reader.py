@@ -16,7 +16,7 @@ from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireWriter
 from kalman_ros.core import Signal
 from kalman_ros.core.geodesy import Origin
-from kalman_ros.pipeline.reading_reader import ReadingReader
+from kalman_ros.pipeline.reading_reader import InputReader, ReadingReader
 
 CONFIGURED = 0.05**2
 
@@ -126,3 +126,11 @@ def test_an_offset_takes_messages_with_stamps():
     built = scenario.build({**array, **fields, 'position.stamp_offset': 0.1})
     with pytest.raises(ValueError, match='stamp_offset: expected messages with a stamp'):
         ReadingReader(built.sensors['position'].signal)
+
+
+@pytest.mark.parametrize(('stamp', 'read'), [(5_000_000_000, 4_300_000_000), (0, 0)])
+def test_an_offset_is_added_to_stamps_of_the_input(stamp, read):
+    signal = scenario.build({'input.stamp_offset': -0.7}).input
+    data = WireWriter(SignalCodec(signal))(stamp, np.array([1.0, 2.0]))
+    sample = InputReader(signal).read(data)
+    assert (sample.time, sample.values.tolist()) == (read, [1.0, 2.0])
