@@ -7,7 +7,7 @@ import pytest
 from thorough import thorough
 from tools.doctor_score.recordings import recorded
 
-from kalman_ros.analysis.diagnosis import inputs, lateness
+from kalman_ros.analysis.diagnosis import lateness
 from kalman_ros.analysis.diagnosis.diagnose import diagnose
 from kalman_ros.analysis.diagnosis.examination import Examination
 from kalman_ros.analysis.diagnosis.passage import explained
@@ -89,28 +89,16 @@ def test_a_time_far_beyond_a_linearisation_is_found(robot):
     assert seconds(best) == pytest.approx(0.8, abs=0.05)
 
 
-@pytest.fixture(scope='module')
-def behind():
-    """Return a recording of an IMU that is the input, half a second behind the other sensors."""
-    given = recorded('inertial', None, 6.0, 3)
-    received = given.inputs.received + 0.5
-    return replace(given, inputs=replace(
-        given.inputs, stamp=given.inputs.stamp + 0.5, received=received
-    ))  # fmt: skip
-
-
 @pytest.mark.slow
-def test_an_input_that_is_stamped_late_is_found(behind):
-    case = Examination(behind)
-    (found,) = [each for each in inputs.find(case) if each.subject == 'input']
-    assert found.kind == 'stamps late'
-    assert explained(case.passage, Examination(found.mended()).passage) > 0.9 * found.gain > 100.0
-    assert found.change == {'input.stamp_offset': pytest.approx(-0.5, abs=0.05)}
-    assert 's before its stamps' in found.sentence
-
-
-@pytest.mark.thorough
-@pytest.mark.slow
-def test_the_doctor_names_an_input_that_is_stamped_late_first(behind):
-    first = diagnose(behind, proofs=False).findings[0]
+@pytest.mark.parametrize(
+    ('name', 'tau', 'least'), [('cart_pole', 0.1, 0.9), thorough('mass_spring_damper', 1.5, 0.5)]
+)
+def test_an_input_that_is_stamped_late_is_found(name, tau, least):
+    given = recorded(name, None, 20.0, 3)
+    moved = replace(
+        given.inputs, stamp=given.inputs.stamp + tau, received=given.inputs.received + tau
+    )
+    first = diagnose(replace(given, inputs=moved), proofs=False).findings[0]
     assert (first.kind, first.subject) == ('stamps late', 'input')
+    assert first.change == {'input.stamp_offset': pytest.approx(-tau, abs=0.05)}
+    assert 's before its stamps' in first.sentence and first.certainty > least
