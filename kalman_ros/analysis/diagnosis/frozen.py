@@ -13,7 +13,7 @@ from kalman_ros.core import Array
 
 from .examination import Examination
 from .finding import Curve, Figure, Finding
-from .quantisation import grid
+from .passage import passage
 
 #: A value is frozen if it is repeated this number of times, and for this time in seconds or, of a
 #: short recording, this share of it, but no less than the last number.
@@ -21,8 +21,9 @@ _REPEATED, _FROZEN, _SHARE, _SHORTEST = 10, 0.5, 0.05, 0.15
 #: Mean of normalised squares up to which readings of zero are those of a body at rest, and what is
 #: as good as zero, in declared standard deviations.
 _AGREES, _NOTHING = 2.0, 1e-6
-#: Readings on both sides of a value that is rounded differ from it by less than this many steps.
-_NEXT = 1.5
+#: Share of the other readings that repeat the one before where this is usual, and standard
+#: deviations beside a step within which the value is the expected one.
+_USUAL, _WITHIN = 0.05, 2.0
 
 
 def find(case: Examination) -> list[Finding]:
@@ -48,21 +49,32 @@ def _rests(case: Examination, name: str, record: SensorRecord, rows: Array) -> b
     return e.size > 0 and float(np.mean(np.square(e))) < _AGREES
 
 
-def _is_rounded(record: SensorRecord, rows: Array) -> bool:
-    """Return whether the value is that of a step, and the readings about it are of the next ones.
+def _is_as_usual(case: Examination, name: str, record: SensorRecord, rows: Array) -> bool:
+    """Return whether other values are repeated, too, and the model expects this one at its end.
 
-    A reading that is rounded repeats while what it measures changes by less than a step.
+    A reading that is rounded repeats while what it measures changes by less than a step. The
+    prediction of the last reading is without those between the first one and it.
     """
-    about = [index for index in (rows[0] - 1, rows[-1] + 1) if 0 <= index < len(record)]
-    steps = [grid(column[np.isfinite(column)]) for column in record.value.T]
-    known = np.array([np.nan if step is None else step for step in steps])
-    jumps = np.abs(record.value[about] - record.value[rows[0]])
-    return bool(about) and bool((jumps < _NEXT * known).all())
+    unchanged = (np.diff(record.value, axis=0) == 0.0).all(axis=1)
+    unchanged[rows[:-1]] = False
+    if unchanged.sum() <= _USUAL * (len(record) - len(rows)):
+        return False
+    kept = np.setdiff1d(np.arange(len(record)), rows[1:-1])
+    rest = case.evidence.with_sensor(name, record.select(kept))
+    last = float(record.stamp[rows[-1]])
+    found = passage(rest, last, strict=False)
+    if name not in found.names or found.series('time', name)[-1] < last - 1e-9:
+        return False
+    nu, S = (found.series(field, name)[-1] for field in ('innovation', 'S'))
+    std = np.sqrt(max(1.0, case.passage.mean_square) * S.diagonal())
+    levels = [np.unique(column[np.isfinite(column)]) for column in record.value.T]
+    step = np.array([np.diff(each).min(initial=np.inf) for each in levels])
+    return bool((np.abs(nu) < step + _WITHIN * std).all())
 
 
 def _frozen(case: Examination, name: str, record: SensorRecord) -> Iterator[Finding]:
     rows, evidence = repeats(record), case.evidence
-    if rows is None or _rests(case, name, record, rows) or _is_rounded(record, rows):
+    if rows is None or _rests(case, name, record, rows) or _is_as_usual(case, name, record, rows):
         return
     seconds = float(np.ptp(record.stamp[rows]))
     start = float(record.stamp[rows][0]) - evidence.start
