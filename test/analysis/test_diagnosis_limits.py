@@ -540,6 +540,7 @@ def test_a_state_is_not_observed_if_it_is_less_certain_for_a_tenth_of_the_time(k
     case_ = case(readings, initial_std=[0.5, 0.5])
     for k, event in enumerate(case_.passage.events):
         event.P = np.diag([0.25 if k <= 3 * known else 0.26, 0.25])
+        event.K = np.zeros((2, 1))
     findings = unobserved_states.find(case_)
     assert [finding.subject for finding in findings] == (['x'] if found else [])
     for finding in findings:

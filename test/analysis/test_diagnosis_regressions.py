@@ -22,7 +22,7 @@ from kalman_ros.analysis.diagnosis import (
     unrelated,
 )
 from kalman_ros.analysis.diagnosis.evidence import Evidence
-from kalman_ros.analysis.diagnosis.finding import Finding
+from kalman_ros.analysis.diagnosis.finding import Finding, NoiseLevel
 from kalman_ros.analysis.diagnosis.passage import Passage
 from kalman_ros.analysis.diagnosis.responses import Responses
 from kalman_ros.core import Space, rotations
@@ -480,13 +480,24 @@ def test_no_less_noise_is_advised_for_errors_that_are_alike_in_time():
         Finding('noise too small', 'gnss.y', 'too small.', 9.0, {'gnss.noise': [0.1]}),
         Finding('outliers', 'gnss', 'outliers.', 9.0),
     ]
-    assert noise_levels.withheld([large, *others], []) == [large, *others]
+    assert noise_levels.withheld(None, [large, *others], []) == [large, *others]
     for kind in ('coloured noise', 'random walk', 'unexplained'):
         alike = Finding(kind, 'gnss', 'alike.', 9.0)
         for findings, notes in (([large, *others, alike], []), ([large, *others], [alike])):
-            first, *rest = noise_levels.withheld(findings, notes)
+            first, *rest = noise_levels.withheld(None, findings, notes)
             assert not first.change and first.sentence.endswith('Keep the declared one.')
             assert rest[:3] == others
+
+
+@pytest.mark.parametrize(('std', 'kept'), [(0.28, True), (0.30, False)])
+def test_no_less_noise_is_advised_than_rounding_has(std, kept):
+    values = np.round(5.0 * np.sin(0.1 * np.arange(400.0)))  # steps of 1, of which one has 0.289
+    evidence = case(record(np.arange(400.0), value=values)).evidence
+    level = NoiseLevel('position', [0], np.array([0.5]), np.array([std]), 0.1)
+    large = Finding('noise too large', 'position', '', 9.0, {'position.noise': [std]}, level=level)
+    (found,) = noise_levels.withheld(evidence, [large], [])
+    assert (found.change == {}) is kept
+    assert ('rounding alone has 0.289' in found.sentence) is kept
 
 
 def test_four_variances_are_tried_in_a_round(monkeypatch):

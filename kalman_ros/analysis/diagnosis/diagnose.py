@@ -27,6 +27,7 @@ from . import (
     bias,
     coloured,
     common_noise,
+    common_scale,
     contradicted_parameters,
     exchanged,
     first_belief,
@@ -70,18 +71,21 @@ PLAIN: Sequence[Detector] = (
 )  # fmt: skip
 #: Detectors of findings in the innovations of a filter.
 FITTED: Sequence[Detector] = (
-    units.find, mounting.find, exchanged.find, unrelated.find, outliers.find, lateness.hidden,
+    units.find, common_scale.find, mounting.find, exchanged.find, unrelated.find, outliers.find,
+    lateness.hidden,
     lag.find, backlash.find, coloured.find, bias.find, inputs.find, input_axes.find,
     contradicted_parameters.find, first_belief.find, noise_levels.find, lever_arms.find,
     stretch.find,
 )  # fmt: skip
 #: Detectors of findings that hold from the first seconds on.
 SIMPLE: Sequence[Detector] = (
-    units.find, mounting.find, bias.find, inputs.find, contradicted_parameters.find,
+    units.find, common_scale.find, mounting.find, bias.find, inputs.find,
+    contradicted_parameters.find,
 )  # fmt: skip
 #: Detectors of findings of a constant size.
 CONSTANT: Sequence[Detector] = (
-    units.find, mounting.find, inputs.find, contradicted_parameters.find, lever_arms.find,
+    units.find, common_scale.find, mounting.find, inputs.find, contradicted_parameters.find,
+    lever_arms.find,
 )  # fmt: skip
 #: Largest numbers of rounds, of findings that are tried in a round, and of those of one kind.
 _ROUNDS, _TRIED, _ALIKE = 6, 10, 3
@@ -163,7 +167,7 @@ def diagnose(
     last = len(findings)
     findings += common_noise.clearest(correlated, common_noise.find(case))
     notes += leftover.find(case)
-    findings = noise_levels.withheld(findings, notes)
+    findings = noise_levels.withheld(case.evidence, findings, notes)
     ranked = _rank(findings, slice(first, last))
     if proofs:
         progress(f'proofs{_so_far(findings, first)}')

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -53,16 +54,16 @@ class Examination:
             self.passage, columns(self.evidence, self.passage, self.tones)
         )
 
-    def about(self, subject: str) -> Examination:
-        """Return the examination with the responses to faults of a subject alone.
+    def about(self, subjects: Collection[str]) -> Examination:
+        """Return the examination with the responses to faults of some subjects alone.
 
-        It takes less time. ``subject`` is a sensor, or something that is no sensor.
+        It takes less time. The subjects are sensors, or something that is no sensor.
         """
         inputs = self.evidence.scenario.model.input.names
-        if self.given or 'responses' in vars(self) or subject in inputs:
+        if self.given or 'responses' in vars(self) or not {*inputs}.isdisjoint(subjects):
             return self
-        tones = None if subject in self.evidence.sensors else self.tones
-        found = columns(self.evidence, self.passage, tones, subject)
+        tones = self.tones if self.evidence.sensors.keys().isdisjoint(subjects) else None
+        found = columns(self.evidence, self.passage, tones, subjects)
         return replace(self, known=self.passage, given=responses(self.passage, found))
 
     @cached_property

@@ -158,6 +158,7 @@ def _input_candidates(case: Examination) -> Iterator[Finding]:
     for group in groups(space):
         for factor in _usual_factors(conversions(space, group)):
             yield input_axes.multiplied(case, group, factor)
+    yield from input_axes.exchanges(case)
     yield from input_axes.by_passes(case, float(case.passage.series('time')[0]) + _SOONER)
 
 

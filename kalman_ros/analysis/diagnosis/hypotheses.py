@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -39,7 +39,10 @@ def edges(passage: Passage) -> Array:
 
 
 def columns(
-    evidence: Evidence, passage: Passage, tones: Array | None = None, subject: str = ''
+    evidence: Evidence,
+    passage: Passage,
+    tones: Array | None = None,
+    subjects: Collection[str] = (),
 ) -> Columns:
     """Return the columns of every additive fault of a recording.
 
@@ -49,21 +52,21 @@ def columns(
         Recording, and a pass over it.
     tones
         One frequency (Hz) for each input, of a sine that may be added to the input.
-    subject
-        A sensor, to which the columns are limited, without offsets; or what is no sensor, for the
+    subjects
+        Sensors, to which the columns are limited, without offsets; or what is no sensor, for the
         columns of inputs, of the first belief and of parameters.
     """
     labels: list[tuple[str, ...]] = []
     readings: dict[str, list[tuple[int, Array]]] = {}
     for name in passage.names:
         readings[name] = []
-        if subject not in ('', name):
+        if subjects and name not in subjects:
             continue
         block, sensor_labels = _sensor_columns(evidence, passage, name)
         readings[name].append((len(labels), block))
         labels += sensor_labels
-        if subject:
-            return Columns(labels, readings)
+    if labels and subjects:
+        return Columns(labels, readings)
     numbers = [*varied(evidence)]
     pushed, pushes = _pushes(evidence, passage, tones)
     changed, state = _state_columns(evidence, passage, numbers)
@@ -72,7 +75,7 @@ def columns(
         if any(name in each.sensors for each in numbers):
             added = _read_parameters(evidence, passage, name, numbers)
             blocks.append((len(labels) - len(numbers), added))
-    offset, offsets = ([], {}) if subject else _offsets(passage, passage.names, edges(passage))
+    offset, offsets = ([], {}) if subjects else _offsets(passage, passage.names, edges(passage))
     labels += offset
     return Columns(labels, readings, offsets, pushes, state)
 

@@ -100,20 +100,24 @@ def _instruments(space: Space) -> list[Vectors]:
 
 def _find_exchange(case: Examination) -> list[Finding]:
     """Return the best exchange of two inputs, if it is significant."""
+    best = max(exchanges(case), key=lambda finding: finding.gain, default=None)
+    return [] if best is None or best.gain < CHANCE else [best]
+
+
+def exchanges(case: Examination) -> Iterator[Finding]:
+    """Yield each exchange of two inputs, and of two axes of all vectors of an instrument."""
     space = case.evidence.scenario.model.input
-    gains = {}
-    for i, j in (pair for group in alike(space) for pair in combinations(group, 2)):
+    tried = [[pair] for group in alike(space) for pair in combinations(group, 2)]
+    for vectors in _instruments(space):
+        if len(vectors) > 1:
+            tried += [[(v[i], v[j]) for v in vectors] for i, j in combinations(range(3), 2)]
+    for pairs in tried:
         M = np.eye(space.size)
-        M[[i, j]] = M[[j, i]]
-        gains[i, j] = _gain(case, M), M
-    if not gains:
-        return []
-    (i, j), (gain, M) = max(gains.items(), key=lambda item: item[1][0])
-    if gain < CHANCE:
-        return []
-    names = space.names[i], space.names[j]
-    sentence = f'the inputs {" and ".join(names)} are exchanged: each acts as the other.'
-    return [_finding(case, 'input swapped', 'input', sentence, M, gain)]
+        for i, j in pairs:
+            M[[i, j]] = M[[j, i]]
+        listed = ', '.join(f'{space.names[i]} and {space.names[j]}' for i, j in pairs)
+        sentence = f'the inputs {listed} are exchanged: each acts as the other.'
+        yield _finding(case, 'input swapped', 'input', sentence, M, _gain(case, M))
 
 
 def _likeliest_rotation(case: Examination, vectors: Vectors) -> Array:

@@ -18,6 +18,7 @@ from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Curve, DensityLevel, Figure, Finding, NoiseLevel
 from .parameters import parameter
+from .quantisation import rounding
 from .refilter import misfits
 
 #: A variance is suspected if its score exceeds this number of standard deviations.
@@ -35,6 +36,7 @@ _KEEP = (
     'But its errors are alike in time, which this scatter of single readings does not show: a '
     'filter with this noise would be surer than it should be. Keep the declared one.'
 )
+_ROUNDED = 'But rounding alone has {}, though not where the readings rest. Keep the declared one.'
 #: Largest number of variances that are tried in a round, those with the largest scores.
 _TRIED = 4
 
@@ -188,19 +190,33 @@ def _joined(evidence: Evidence, changes: Sequence[Finding]) -> Iterator[Finding]
         )  # fmt: skip
 
 
-def withheld(findings: Sequence[Finding], notes: Sequence[Finding]) -> list[Finding]:
-    """Return findings, of which none proposes less noise for errors that are alike in time.
+def withheld(
+    evidence: Evidence, findings: Sequence[Finding], notes: Sequence[Finding]
+) -> list[Finding]:
+    """Return findings, of which none proposes noise that is smaller than errors are.
 
-    The scatter from one reading to the next is smaller than such errors.
+    Errors that are alike in time scatter less from one reading to the next than they are, and
+    rounded readings at rest do not scatter.
     """
     alike = {each.subject for each in (*findings, *notes) if each.kind in _ALIKE_IN_TIME}
     sensors = {subject.partition('.')[0] for subject in alike}
-    return [
-        replace(each, change={}, sentence=f'{each.sentence} {_KEEP}')
-        if each.kind == 'noise too large' and each.subject.partition('.')[0] in sensors
-        else each
-        for each in findings
-    ]
+
+    def kept(finding: Finding) -> Finding:
+        level = finding.level
+        if finding.kind != 'noise too large':
+            return finding
+        if finding.subject.partition('.')[0] in sensors:
+            return replace(finding, change={}, sentence=f'{finding.sentence} {_KEEP}')
+        if level is None:
+            return finding
+        least = rounding(evidence.sensors[level.sensor])
+        if (level.after[level.indices] < least[level.indices]).any():
+            listed = ', '.join(f'{std:.3g}' for std in least[level.indices])
+            sentence = f'{finding.sentence} {_ROUNDED.format(listed)}'
+            return replace(finding, change={}, sentence=sentence)
+        return finding
+
+    return [kept(finding) for finding in findings]
 
 
 def _describe(factors: Sequence[float], spread: float) -> tuple[str, str]:

@@ -52,7 +52,10 @@ def _find_outliers(case: Examination, name: str) -> Finding | None:
     gain += float(np.sum(kept[kept > limit] - k))
     if not 0.0 < share <= _MOST or gain < CHANCE:
         return None
-    size = float(np.sqrt(np.median(squares[np.isin(indices, rows)]) / k))
+    usual = float(np.median(squares[np.isin(indices, rows)]))
+    if usual < k + DROPPED:  # a gate that locks out rejects what fits
+        return None
+    size = float(np.sqrt(usual / k))
     gate = case.evidence.scenario.sensors[name].gate
     change, remedy = {}, 'Its gate is there to reject them.'
     if gate >= 1.0:

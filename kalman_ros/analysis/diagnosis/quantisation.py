@@ -8,13 +8,15 @@ from math import inf
 
 import numpy as np
 
+from kalman_ros.analysis.records import SensorRecord
 from kalman_ros.core import Array
 
 from .examination import Examination
 from .finding import Curve, Figure, Finding
 
-#: Steps below this share of the declared standard deviation are harmless.
-_HARMLESS = 0.5
+#: Steps below the first share of the declared standard deviation are harmless; those above the
+#: second one may be those of another unit.
+_HARMLESS, _ABSURD = 0.5, 100.0
 
 
 def find(case: Examination) -> list[Finding]:
@@ -35,25 +37,34 @@ def find(case: Examination) -> list[Finding]:
             noise = np.sqrt(source.sensor.covariance.diagonal())
             noise[index] = np.hypot(std, step / np.sqrt(12.0))
             change = {f'{name}.noise': [float(f'{value:.3g}') for value in noise]}
+            absurd = step > _ABSURD * std
             points = record.stamp - case.evidence.start, record.value[:, index]
             findings.append(
                 Finding(
                     'quantised',
                     f'{name}.{label}',
                     f'{name}.{label} has steps of {step:.3g}, {step / std:.2g} times its '
-                    f'declared noise: rounding adds {step / np.sqrt(12.0):.2g} to it.',
+                    f'declared noise: rounding adds {step / np.sqrt(12.0):.2g} to it'
+                    f'{", or its unit is another" if absurd else ""}.',
                     inf,
-                    change,
+                    {} if absurd else change,
                     figure=Figure(
                         f'{name}: steps of {label}',
                         'time [s]',
                         label,
                         (Curve(label, *points, 'dots'),),
                     ),
-                    mended=partial(case.evidence.adopting, change),
+                    mended=None if absurd else partial(case.evidence.adopting, change),
+                    note=absurd,
                 )
             )
     return findings
+
+
+def rounding(record: SensorRecord) -> Array:
+    """Return the standard deviation (k,) of readings by rounding alone; 0 where there is none."""
+    steps = [grid(column[np.isfinite(column)]) for column in record.value.T]
+    return np.asarray([0.0 if step is None else step / np.sqrt(12.0) for step in steps])
 
 
 def grid(values: Array) -> float | None:

@@ -74,7 +74,8 @@ def _find_losses(
     if abs(gap * declared - 1.0) > _DIFFERENT and not seldom:
         yield Finding(
             'rate', name,
-            f'{name} is read {1.0 / gap:.4g} times a second, where {name}.rate is {declared:g}.',
+            f'{name} is read {1.0 / gap:.4g} times a second, where {name}.rate is '
+            f'{declared:g}{"" if is_declared else " by default"}.',
             inf, {f'{name}.rate': float(f'{1.0 / gap:.3g}')}, note=not is_declared,
         )  # fmt: skip
     if share < _LOST:

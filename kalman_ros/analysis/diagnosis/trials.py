@@ -63,8 +63,8 @@ class Trials:
         """
         finding = replace(finding, gain=self.gain(finding, after))
         for _ in range(_REFINED):
-            sensor = finding.subject.partition('.')[0]
-            better = finding.again and finding.again(after.about(sensor))
+            subjects = [each.partition('.')[0] for each in finding.subject.split(' and ')]
+            better = finding.again and finding.again(after.about(subjects))
             if not better or better.mended is None:
                 break
             try:

@@ -263,7 +263,7 @@ def scaled(
     evidence = case.evidence
     space, index = evidence.scenario.sensors[name].sensor.output, group[0]
     label = label_of(case, name, group)
-    kind, factor, cause = _classify_factor(factor, std, conversions(space, group))
+    kind, factor, cause = classified(factor, std, conversions(space, group))
     M = scaling(case, name, group, factor)
     exact_gain, dues = replaced(case, name, M)
     record = evidence.sensors[name]
@@ -291,7 +291,7 @@ def scaled(
     )  # fmt: skip
 
 
-def _classify_factor(
+def classified(
     factor: float, std: float, conversions: Mapping[float, str]
 ) -> tuple[str, float, str]:
     """Return the kind of a factor, the exact factor of a near unit or sign, and the reason."""

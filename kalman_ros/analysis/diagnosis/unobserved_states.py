@@ -7,8 +7,11 @@ from math import inf
 
 import numpy as np
 
+from kalman_ros.core import Array
+
 from .examination import Examination
 from .finding import Curve, Figure, Finding
+from .passage import Passage
 
 #: A state is unobserved if its deviation in the last tenth exceeds this multiple of the first.
 _GROWN = 1.0
@@ -23,9 +26,9 @@ def find(case: Examination) -> list[Finding]:
     belief and of all readings, reduced by the process noise.
     """
     passage, space = case.passage, case.evidence.scenario.model.state
-    sampled = slice(None, None, max(1, len(passage.events) // _PARTS))
-    times = passage.series('time')[sampled] - case.evidence.start
-    std = np.sqrt(passage.series('P')[sampled].diagonal(axis1=1, axis2=2))
+    starts = np.arange(0, len(passage.events), max(1, len(passage.events) // _PARTS))
+    times = passage.series('time')[starts] - case.evidence.start
+    std = np.sqrt(np.minimum.reduceat(_variances(passage), starts, axis=0))
     first = case.evidence.scenario.initial_belief.std
     findings = []
     for index, name in enumerate(space.names):
@@ -47,3 +50,12 @@ def find(case: Examination) -> list[Finding]:
             )
         )
     return findings
+
+
+def _variances(passage: Passage) -> Array:
+    """Return the variances of the states after each event (E, n)."""
+    found = passage.series('P').diagonal(axis1=1, axis2=2).copy()
+    for name in passage.names:
+        K, S = passage.series('K', name), passage.series('S', name)
+        found[passage.of(name)] -= np.einsum('eij,ejk,eik->ei', K, S, K)
+    return np.asarray(np.maximum(found, 0.0))

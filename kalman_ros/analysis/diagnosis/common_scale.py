@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A scale or unit that sensors of the same kind share, such as the ranges of all beacons.
+
+Each sensor contradicts the others by what all have in common, so that none of them shows it alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial, reduce
+from typing import NamedTuple
+
+import numpy as np
+
+from .evidence import Evidence
+from .examination import CHANCE, Examination
+from .finding import Finding
+from .responses import Fit
+from .units import classified, conversions, mixed, mixing, replaced, scaling
+
+#: A factor that differs from 1 by less than this, or this number of standard deviations, is no
+#: finding.
+_RELEVANT, _SHOWN = 0.003, 4.0
+
+
+class _Like(NamedTuple):
+    """Sensors of one kind (two or more), and their coordinates of one unit."""
+
+    sensors: tuple[str, ...]
+    group: tuple[int, ...]
+
+
+def find(case: Examination) -> Iterator[Finding]:
+    """Yield the sensors of one kind that fit after a multiplication by one factor."""
+    for like in _alike(case):
+        fit = _fit(case, like)
+        if fit is None or fit.gain < CHANCE:
+            continue
+        factor, std = 1.0 - float(fit.size[0]), float(fit.std[0])
+        if abs(factor - 1.0) > max(_RELEVANT, _SHOWN * std):
+            usual = _usual(case, like)
+            best = max((factor, *usual), key=partial(_gain, case, like))
+            yield _scaled(case, like, best, std, _gain(case, like, best))
+
+
+def _alike(case: Examination) -> Iterator[_Like]:
+    """Yield the sensors of one kind, with each of their units."""
+    kinds: dict[tuple[str, ...], list[str]] = {}
+    for name in case.judged:
+        output = case.evidence.scenario.sensors[name].sensor.output
+        kinds.setdefault(tuple(output.units), []).append(name)
+    for units, names in kinds.items():
+        if len(names) > 1:
+            for unit in dict.fromkeys(units):
+                yield _Like(tuple(names), tuple(i for i, u in enumerate(units) if u == unit))
+
+
+def _usual(case: Examination, like: _Like) -> list[float]:
+    """Return the factors of units, and of a wrong sign."""
+    space = case.evidence.scenario.sensors[like.sensors[0]].sensor.output
+    return [-1.0, *conversions(space, like.group)]
+
+
+def _fit(case: Examination, like: _Like) -> Fit | None:
+    """Return the fit of by how much all of these readings are too large, as a share."""
+    columns = [
+        column
+        for name in like.sensors
+        for i in like.group
+        for column in case.responses.columns('mix', name, str(i), str(i))
+    ]
+    if len(columns) < len(like.sensors) * len(like.group):
+        return None
+    return case.responses.fit(np.ones((len(columns), 1)), columns)
+
+
+def _gain(case: Examination, like: _Like, factor: float) -> float:
+    """Return the gain to first order of a factor, less what it costs to shrink readings."""
+    if abs(factor) < 1e-6:
+        return -np.inf
+    columns, size, dues = list[int](), list[float](), 0.0
+    for name in like.sensors:
+        M = scaling(case, name, like.group, factor)
+        columns += case.responses.columns('read', name)
+        size += (np.eye(len(M)) - M).ravel().tolist()
+        dues += replaced(case, name, M)[1]
+    change, information = np.array(size), case.responses.information[np.ix_(columns, columns)]
+    gain = 2.0 * change @ case.responses.gradient[columns] - change @ information @ change
+    return float(gain) - dues
+
+
+def _scaled(case: Examination, like: _Like, factor: float, std: float, gain: float) -> Finding:
+    """Return the finding that readings of several sensors must be multiplied by one factor."""
+    evidence, space = case.evidence, case.evidence.scenario.sensors[like.sensors[0]].sensor.output
+    kind, factor, cause = classified(factor, std, conversions(space, like.group))
+    single = '' if len(like.group) == space.size else f'.{space.names[like.group[0]]}'
+    subject = ' and '.join(f'{name}{single}' for name in like.sensors)
+    M = scaling(case, like.sensors[0], like.group, factor)
+    dues = sum(replaced(case, name, M)[1] for name in like.sensors)
+
+    def mended() -> Evidence:
+        return reduce(lambda before, name: mixed(before, name, M), like.sensors, evidence)
+
+    def again(after: Examination) -> Finding | None:
+        fit = _fit(after, like)
+        if fit is None or not fit.remains:
+            return None
+        nearer = factor * (1.0 - float(fit.size[0]))
+        return _scaled(case, like, nearer, abs(factor) * float(fit.std[0]), gain)
+
+    changes = [mixing(evidence, name, M) for name in like.sensors]
+    change = {key: value for each in changes for key, value in each.items()}
+    shared = ' A parameter that they share, such as the radius of wheels, does the same.'
+    return Finding(
+        kind, subject,
+        f'readings of {subject} fit the model once all are multiplied by {factor:.4g}{cause}.'
+        f'{shared if kind == "scale" else ""}',
+        max(gain, 0.0) ** 0.5, change if all(changes) else {}, gain=gain, dues=dues, mended=mended,
+        again=again if kind == 'scale' else None,
+    )  # fmt: skip
