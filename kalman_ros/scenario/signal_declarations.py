@@ -21,12 +21,14 @@ _STILL = 'stand-still'
 _DOUBTED = 'spikes'
 
 
+#: Longest correction of stamps, in seconds.
+LONGEST_OFFSET = 10.0
 #: The correction of stamps, of a sensor or of the input.
 STAMP_OFFSET: tuple[Value, About] = (
     0.0,
     About(
-        'added to the stamps: below 0 for stamps that are late', 's', -10.0, 10.0,
-        feature=_CORRECTED,
+        'added to the stamps: below 0 for stamps that are late', 's',
+        -LONGEST_OFFSET, LONGEST_OFFSET, feature=_CORRECTED,
     ),
 )  # fmt: skip
 #: The options of axes and frames, of a sensor or of the input.

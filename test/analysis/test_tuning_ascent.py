@@ -218,7 +218,7 @@ def test_there_is_an_end_to_steps(monkeypatch):
     monkeypatch.setattr(ascent, '_MOST_STEPS', 2)
     likelihood = Parabola(50.0)
     (end,) = climb(likelihood, [likelihood.expand(np.zeros(2))], negligible=0.0)
-    assert (end.steps, end.stopped) == (2, '2 steps are not enough')
+    assert (end.steps, end.stopped) == (2, '2 steps from a start are not enough')
 
 
 class Plateau:

@@ -10,6 +10,7 @@ from tuned_cases import COVERED, Case, likelihood, recorded
 from kalman_ros.analysis.tuning.earlier import noisier
 from kalman_ros.analysis.tuning.fit import fit
 from kalman_ros.analysis.tuning.free_parameter import FreeParameter
+from kalman_ros.analysis.tuning.named_parameters import NamedParameters
 from kalman_ros.analysis.tuning.scan import scanned
 from kalman_ros.core import Gaussian
 from kalman_ros.estimators import build_filter
@@ -147,3 +148,16 @@ def test_a_scan_takes_more_readings_until_values_differ(scale):
 def test_a_parameter_with_one_maximum_is_not_scanned():
     z = scanned(Waves([FreeParameter('s.noise', 0.5)], start=0.5), 2000, None)
     assert z.tolist() == [0.5]
+
+
+def test_bounds_of_a_delay_may_be_wider_than_those_that_are_scanned():
+    def chosen(*bounds):
+        named = NamedParameters({})
+        (free,) = named.choose(['position.delay'], {'position.delay': bounds} if bounds else None)
+        return free.low, free.high
+
+    assert chosen() == (-1.0, 1.0)
+    assert chosen(0.0, 8.0) == (0.0, 8.0)
+    assert chosen(-0.3, 0.2) == (-0.3, 0.2)
+    with pytest.raises(ValueError, match='position.delay: expected bounds within -10 and 10 s'):
+        chosen(0.0, 11.0)

@@ -130,7 +130,9 @@ def _ascend(
                 path.append(current)
     except KeyboardInterrupt:
         return Ascent(likelihood, current, number, INTERRUPTED)
-    return Ascent(likelihood, current, _MOST_STEPS, f'{_MOST_STEPS} steps are not enough')
+    return Ascent(
+        likelihood, current, _MOST_STEPS, f'{_MOST_STEPS} steps from a start are not enough'
+    )
 
 
 def climb(

@@ -33,7 +33,7 @@ class Fitted:
         of many.
     low, high
         Ends of the 95 % interval, infinite where these data show no limit; NaN if the parameter
-        shows only in combination with others.
+        shows only in combination with others, or if the maximum was not reached.
     reason
         Reason for which the data do not determine the parameter; '' if they do.
     """
@@ -150,11 +150,13 @@ def fit(likelihood: Likelihood, report: Report = _ignore) -> Fit:
     fitted, stopped = [], ascent.stopped
     for index, free in enumerate(likelihood.parameters):
         reason = beyond.get(index, determined.reasons[index])
-        try:
-            below, above, reason = _interval(likelihood, end, index, reason, not stopped)
-        except KeyboardInterrupt:
-            stopped = INTERRUPTED
-            below, above, reason = _interval(likelihood, end, index, reason, False)
+        below = above = nan  # below the maximum there are no intervals about it
+        if not ascent.stopped:
+            try:
+                below, above, reason = _interval(likelihood, end, index, reason, not stopped)
+            except KeyboardInterrupt:
+                stopped = INTERRUPTED
+                below, above, reason = _interval(likelihood, end, index, reason, False)
         low = -inf if below == -inf else free.value(below)
         high = inf if above == inf else free.value(above)
         value = free.value(float(point[index]))
@@ -192,20 +194,21 @@ def _finish(ascent: Ascent, report: Report) -> tuple[Ascent, Restricted]:
 
 
 def _interval(
-    likelihood: Likelihood, end: Restricted, index: int, reason: str, at_top: bool
+    likelihood: Likelihood, end: Restricted, index: int, reason: str, profiled: bool
 ) -> tuple[float, float, str]:
     """Return the ends of an interval on the scale of the fit, and the reason if it is open.
 
-    Those by the information are used where they are near, and otherwise those of the profile.
+    Those by the information are used where they are near, and otherwise those of the profile, if
+    it may be computed.
     """
     z, width = float(end.top.z[index]), float(end.found.widest[index])
     if not reason:
         std = float(end.found.std[index])
         below, above = reach(std, float(end.power[index]), float(end.freedom[index]))
-        if max(below, above) <= width or not at_top:
+        if max(below, above) <= width or not profiled:
             return z - below, z + above, ''
         reason = UNCERTAIN
-    if end.found.combined[index] or not at_top:
+    if end.found.combined[index] or not profiled:
         return nan, nan, reason
     low, high = ends(likelihood, end.top, index, width)
     farthest = width if likelihood.parameters[index].positive else inf

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import inf, isinf
+from math import isinf
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from kalman_ros.core import Option, refuse_unknown
 from kalman_ros.estimators import build_filter, default_filter, filter_class
 from kalman_ros.estimators.filter import SmoothableFilter
 from kalman_ros.scenario import Scenario, build, options
+from kalman_ros.scenario.signal_declarations import LONGEST_OFFSET
 
 from .candidate import Candidate
 from .free_parameter import FreeParameter, delay_parameter
@@ -282,10 +283,16 @@ def _free(
 def _constrain(
     place: _Place, bounds: tuple[float, float] | None, prior: tuple[float, float] | None
 ) -> _Place:
-    """Return a parameter with narrower bounds and a prior."""
+    """Return a parameter with narrower bounds and a prior; those of a delay may be wider."""
     free = place.free
-    low, high = bounds or (-inf, inf)
-    low, high = max(low, free.low), min(high, free.high)
+    low, high = bounds or (free.low, free.high)
+    if not free.scan:
+        low, high = max(low, free.low), min(high, free.high)
+    elif max(-low, high) > LONGEST_OFFSET:
+        most = f'{LONGEST_OFFSET:g}'
+        raise ValueError(
+            f'{free.name}: expected bounds within -{most} and {most} s, got {low:g} and {high:g}'
+        )
     return replace(place, free=replace(free, low=low, high=high, prior=prior))
 
 

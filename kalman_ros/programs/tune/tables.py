@@ -50,8 +50,8 @@ def sentences(fit: Fit) -> Iterator[str]:
     if not fit.converged:
         where = f' on the first {fit.count} readings' if fit.partial else ''
         yield (
-            f'Not converged, {fit.stopped}: these values are what was reached in {fit.steps} '
-            f'steps{where}.'
+            f'Not converged, {fit.stopped}: these values, which have no intervals, are those '
+            f'after {fit.steps} steps in all{where}.'
         )
 
 
@@ -129,8 +129,7 @@ def yaml_lines(changes: Mapping[str, Any], fit: Fit, named: NamedParameters) -> 
         named.parameter(parameter.name) for parameter in fit.parameters if not parameter.determined
     }
     return [
-        f'{name}: {yaml_value(value)}'
-        + ('   # not determined: one choice of many' if name in open_ones else '')
+        f'{name}: {yaml_value(value)}' + ('   # not determined' if name in open_ones else '')
         for name, value in changes.items()
     ]
 
