@@ -3,9 +3,11 @@
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from examined import record
 from tools.doctor_score.recordings import recorded
 
 from kalman_ros.analysis.diagnosis import inputs, noise_levels, rate
@@ -77,6 +79,25 @@ def test_losses_are_bursts_where_more_than_twice_as_many_are_in_a_row_as_by_chan
     assert gaps(evidence, received) == kinds
 
 
+@pytest.mark.parametrize(('count', 'note'), [(2, False), (3, True)])
+def test_landmarks_are_seen_now_and_then_if_one_of_them_is(count, note):
+    """One is there for a fifth of the time, the others for more than half of it."""
+    received = [[*range(10), *range(40, 50)], *[[*range(30), *range(36, 50)]] * (count - 1)]
+    sensors, sources = {}, {}
+    for index, times in enumerate(received):
+        stamps = 0.1 * np.array(times)
+        sensors[f'mark{index}'] = record(stamps, value=np.sin(stamps))
+        sensor = SimpleNamespace(output=SimpleNamespace(units=('m', 'rad')))
+        sources[f'mark{index}'] = SimpleNamespace(sensor=sensor, timed=SimpleNamespace(rate=10.0))
+    scenario = SimpleNamespace(sensors=sources, enabled=sources)
+    case = SimpleNamespace(
+        evidence=SimpleNamespace(sensors=sensors, scenario=scenario, parameters={})
+    )
+    losses = {each.subject: each for each in rate.find(case) if each.kind.startswith('losses')}
+    assert losses['mark0'].note
+    assert losses['mark1'].note is note
+
+
 @pytest.mark.slow
 def test_a_factor_of_noise_that_no_peak_shows_is_at_least_the_largest_trial(evidence):
     """Where the likelihood only grows, with the noise as large as any that is tried."""
@@ -119,8 +140,8 @@ def test_a_body_that_rests_until_an_input_does_not_rest_where_there_is_none(
 @pytest.mark.parametrize('count', [1, 2])
 def test_a_recording_of_one_reading_has_the_densities_of_any(evidence, count):
     few = evidence
-    for name, record in evidence.sensors.items():
-        few = few.with_sensor(name, record.select(slice(0, count if name == 'position' else 0)))
+    for name, readings in evidence.sensors.items():
+        few = few.with_sensor(name, readings.select(slice(0, count if name == 'position' else 0)))
     found, expected = Examination(few), Examination(evidence)
     assert len(found.passage.events) == count
     np.testing.assert_allclose(found.densities['force_noise'], expected.densities['force_noise'])

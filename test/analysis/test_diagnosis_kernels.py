@@ -72,6 +72,31 @@ def test_responses_predict_what_a_bias_does(case):
     assert explained(case.passage, after) == pytest.approx(expected, rel=1e-6, abs=1e-6)
 
 
+@pytest.mark.parametrize(
+    ('subjects', 'families'),
+    [
+        (['position'], {'mix', 'read', 'upper', 'stamp', 'play'}),
+        (['position', 'velocity'], {'mix', 'read', 'upper', 'stamp', 'play'}),
+        (['mass'], {'gain', 'half', 'push', 'lag', 'dead', 'tone', 'first', 'parameter'}),
+    ],
+)
+def test_responses_about_a_subject_are_a_part_of_all(case, subjects, families):
+    part = Examination(case.evidence, known=case.passage).about(subjects).responses
+    assert {label[0] for label in part.labels} - families == set()
+    assert {label[1] for label in part.labels if label[0] == 'mix'} == {*subjects} - {'mass'}
+    at = [case.responses.labels.index(label) for label in part.labels]
+    np.testing.assert_allclose(part.gradient, case.responses.gradient[at], rtol=1e-9)
+    size = np.abs(part.information).max()
+    np.testing.assert_allclose(
+        part.information, case.responses.information[np.ix_(at, at)], atol=1e-9 * size
+    )
+
+
+def test_what_is_known_is_not_computed_again(case):
+    assert case.responses is case.about(['position']).responses  # it has those of all subjects
+    assert Examination(case.evidence, known=case.passage).about(['f']).given is None  # an input
+
+
 def test_responses_predict_what_an_input_does(case):
     inputs = case.evidence.inputs
     more = replace(case.evidence, inputs=replace(inputs, value=1.1 * inputs.value))

@@ -736,3 +736,17 @@ def test_an_outlier_is_rejected_by_the_gate_that_there_is():
         assert bool(finding.change) is (gate == 1.0)
     assert sentences[0].endswith('A gate rejects them.')
     assert sentences[1].endswith('Its gate is there to reject them.')
+
+
+@pytest.mark.parametrize(
+    ('times', 'found'),
+    [([10], True), ([9, 10], True), ([2], True), ([1], False), ([1, 10], False), ([2, 9], False)],
+)
+def test_values_that_are_published_several_times_have_a_note(times, found):
+    lengths = np.resize(times, 30)
+    value = np.repeat(np.sin(np.arange(30.0)), lengths)
+    findings = rate.find(case(record(0.05 * np.arange(len(value)), value=value)))
+    notes = [each for each in findings if each.kind == 'repeated']
+    assert bool(notes) is found and all(each.note for each in notes)
+    for each in notes:
+        assert f'about {np.median(lengths[1:-1]):g} times: ' in each.sentence

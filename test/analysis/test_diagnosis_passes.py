@@ -73,6 +73,21 @@ def test_the_matrices_of_each_step_are_the_same(name, both):
                 size = max(1.0, float(np.abs(expected).max(initial=0.0)))
                 np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-7 * size)
     assert in_c.misfit == pytest.approx(steps.misfit, rel=1e-8)
+    middle = float(steps.series('time')[len(steps.events) // 2])
+    for one, other in ((in_c, steps), (in_c.until(middle), steps.until(middle))):
+        assert len(one.events) == len(other.events) and one.names == other.names
+        for sensor in other.names:
+            for field in ('index', 'time', 'innovation', 'H', 'whitened', 'x'):
+                expected = other.series(field, sensor)
+                size = max(1.0, float(np.abs(expected).max(initial=0.0)))
+                np.testing.assert_allclose(
+                    one.series(field, sensor), expected, rtol=0.0, atol=1e-7 * size
+                )
+            for found, wanted in zip(one.terms(sensor), other.terms(sensor)):
+                np.testing.assert_allclose(found, wanted, rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose(one.corrections, other.corrections, rtol=0.0, atol=1e-6)
+        np.testing.assert_allclose(one.square, other.square, rtol=1e-6, atol=1e-6)
+        np.testing.assert_array_equal(one.sizes, other.sizes)
 
 
 def test_a_gate_rejects_the_same_readings(both):

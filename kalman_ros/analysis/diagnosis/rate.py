@@ -5,10 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import inf
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from kalman_ros.analysis.records import SensorRecord, period
+from kalman_ros.core import Array
 from kalman_ros.estimators.outcome import Outcome
 
 from .examination import Examination
@@ -19,11 +21,20 @@ _LOST, _DIFFERENT = 0.01, 0.1
 #: More missing readings in a row are a burst; a source of which more than this share is missing,
 #: and in bursts, reads now and then.
 _BURST, _SELDOM = 3, 0.5
+#: Number of sensors of one kind that are those of beacons or landmarks.
+_BEACONS = 3
+#: Fewest values that are published several times, least times, and how much these may differ.
+_VALUES, _TIMES, _ALIKE = 20, 2, 1.5
 
 
 def find(case: Examination) -> list[Finding]:
     """Return the faults in the rate of each sensor, and readings that are not finite."""
-    findings = []
+    findings, sources = [], case.evidence.scenario.sensors
+    found = {name: _gaps(record) for name, record in case.evidence.sensors.items()}
+    kinds: dict[tuple[str, ...], list[bool]] = {}
+    for name, gaps in found.items():
+        units = tuple(sources[name].sensor.output.units)
+        kinds.setdefault(units, []).append(gaps is not None and gaps.seldom)
     for name, record in case.evidence.sensors.items():
         rate = case.evidence.scenario.sensors[name].timed.rate
         if not len(record):
@@ -33,8 +44,31 @@ def find(case: Examination) -> list[Finding]:
             continue
         findings += _find_invalid(name, record)
         is_declared = f'{name}.rate' in case.evidence.parameters
-        findings += _find_losses(name, record, rate, is_declared=is_declared)
+        gaps = found[name]
+        if gaps is not None:
+            # beacons or landmarks are all read now and then if one of them is
+            alike = kinds[tuple(sources[name].sensor.output.units)]
+            seldom = gaps.seldom or (len(alike) >= _BEACONS and any(alike))
+            findings += _find_losses(name, gaps, rate, is_declared=is_declared, seldom=seldom)
+        findings += _find_repeated(name, record)
     return findings
+
+
+def _find_repeated(name: str, record: SensorRecord) -> Iterator[Finding]:
+    """Yield a note if each value is published a number of times, which is the same for all."""
+    unchanged = (np.diff(record.value, axis=0) == 0.0).all(axis=1)
+    lengths = np.diff(np.flatnonzero(np.concatenate(([True], ~unchanged, [True]))))[1:-1]
+    if len(lengths) < _VALUES:
+        return
+    low, middle, high = np.quantile(lengths, (0.1, 0.5, 0.9))
+    if low >= _TIMES and high <= _ALIKE * middle:
+        yield Finding(
+            'repeated', name,
+            f'each value of {name} is published about {middle:g} times: '
+            f'{100.0 * unchanged.mean():.2g} % of its readings repeat the one before, and the '
+            'filter takes each for news. Publish what is measured, once.',
+            inf, note=True,
+        )  # fmt: skip
 
 
 def _find_invalid(name: str, record: SensorRecord) -> Iterator[Finding]:
@@ -57,20 +91,39 @@ def _find_invalid(name: str, record: SensorRecord) -> Iterator[Finding]:
             )  # fmt: skip
 
 
-def _find_losses(
-    name: str, record: SensorRecord, declared: float, *, is_declared: bool
-) -> Iterator[Finding]:
+class _Gaps(NamedTuple):
+    """Stamps of readings, the gap between them, how many are missing in each, and the share.
+
+    It is that of a source that is read now and then if ``seldom``.
+    """
+
+    stamps: Array
+    gap: float
+    missing: Any
+    share: float
+    seldom: bool
+
+
+def _gaps(record: SensorRecord) -> _Gaps | None:
+    """Return the gaps between readings; None of less than six."""
     stamps = np.unique(np.round(record.stamp[record.stamped], 6))
     gaps = np.diff(stamps)
     if len(gaps) < 5:
-        return
+        return None
     gap = period(gaps)
     missing = np.round(gaps / gap).astype(int) - 1
     # intervals that jitter are short or long, and nothing is lost
     schedule = [round(np.ptp(stamps) / each) - len(gaps) for each in (gap, np.median(gaps))]
     lost = min(int(missing[missing > 0].sum()), *schedule)
     share = lost / (lost + len(stamps))
-    seldom = bool(share > _SELDOM and missing.max() > _BURST)
+    return _Gaps(stamps, gap, missing, share, bool(share > _SELDOM and missing.max() > _BURST))
+
+
+def _find_losses(
+    name: str, found: _Gaps, declared: float, *, is_declared: bool, seldom: bool
+) -> Iterator[Finding]:
+    stamps, gap, missing, share, _ = found
+    gaps = np.diff(stamps)
     if abs(gap * declared - 1.0) > _DIFFERENT and not seldom:
         yield Finding(
             'rate', name,
