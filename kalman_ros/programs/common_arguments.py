@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterable
 from math import inf
+from typing import Any
 
 from kalman_ros import models
 
@@ -19,6 +20,22 @@ def add_scenario(parser: argparse._ActionsContainer) -> None:
         'scenario', nargs='?', default=models.DEFAULT,
         help='a name in config/, or a parameter file of your own (default: %(default)s)',
     )  # fmt: skip
+
+
+class Once(argparse.Action):
+    """Argument that is refused if it is given again, instead of the first one being forgotten."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
+    ) -> None:
+        """Store the value."""
+        if getattr(namespace, self.dest) is not self.default:
+            parser.error(f'{option_string}: expected one, got two')
+        setattr(namespace, self.dest, values)
 
 
 def add_part(parser: argparse.ArgumentParser) -> None:

@@ -17,6 +17,7 @@ from kalman_ros.bags.replay import estimator_settings
 from kalman_ros.harness.graph_recorder import GraphRecorder
 from kalman_ros.pipeline.estimate_topics import published_signals
 from kalman_ros.pipeline.initial_pose import POSES
+from kalman_ros.programs.common_arguments import Once
 from kalman_ros.programs.refusal import refuse
 
 
@@ -30,7 +31,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     )
     parser.add_argument('topics', nargs='*', metavar='TOPIC', help='names of topics')
     parser.add_argument(
-        '--params-file', metavar='FILE',
+        '--params-file', metavar='FILE', action=Once,
         help='record what an estimator with this parameter file reads and publishes, the input, '
         'and ground_truth',
     )  # fmt: skip

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`tune` from a bag to its verdict, and what it refuses."""
 
+import importlib
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -298,3 +299,15 @@ def test_a_robot_that_follows_motions_has_no_margins():
     recorded, fitted = SimpleNamespace(named=named), SimpleNamespace(values={})
     margins, why = program._margins(file, {}, recorded, fitted)
     assert not margins and why.startswith('No margins: at rest no input moves all of its states')
+
+
+@pytest.mark.parametrize('program', ['replay.program', 'doctor.program', 'tune.program', 'record'])
+def test_a_second_parameter_file_is_refused(program, capsys):
+    """The last one counted, without a word."""
+    arguments = importlib.import_module(f'kalman_ros.programs.{program}').arguments
+    rest = ['--out', 'out'] if program == 'record' else ['bag']
+    given = ['--params-file', 'one.yaml', *rest]
+    assert str(arguments(given).params_file) == 'one.yaml'
+    with pytest.raises(SystemExit):
+        arguments([*given, '--params-file', 'two.yaml'])
+    assert '--params-file: expected one, got two' in capsys.readouterr().err

@@ -23,7 +23,7 @@ from kalman_ros.analysis.diagnosis import first_look
 from kalman_ros.analysis.diagnosis.diagnose import PROOF, Diagnosis, diagnose
 from kalman_ros.analysis.diagnosis.evidence import Evidence
 from kalman_ros.bags.reading import Bag
-from kalman_ros.programs.common_arguments import add_parameters, add_part
+from kalman_ros.programs.common_arguments import Once, add_parameters, add_part
 from kalman_ros.programs.refusal import interruptible, refuse
 from kalman_ros.programs.results import of_recording, ready
 from kalman_ros.scenario.parameter_files import overrides
@@ -48,7 +48,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         help='a folder of rosbag2, one of its files, or a bag of ROS 1',
     )
     parser.add_argument(
-        '--params-file', type=Path, metavar='FILE',
+        '--params-file', type=Path, metavar='FILE', action=Once,
         help="the estimator's parameter file, or the name of a scenario",
     )  # fmt: skip
     add_parameters(parser, 'a parameter, over those of the file')

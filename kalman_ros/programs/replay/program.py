@@ -20,7 +20,7 @@ from kalman_ros.bags.reading import Bag
 from kalman_ros.bags.replay import estimator_settings, replay_bag
 from kalman_ros.bags.replayed import Replayed
 from kalman_ros.harness.interrupts import deferred
-from kalman_ros.programs.common_arguments import add_parameters, add_part
+from kalman_ros.programs.common_arguments import Once, add_parameters, add_part
 from kalman_ros.programs.refusal import interruptible, refuse
 from kalman_ros.programs.results import of_recording, ready
 from kalman_ros.scenario.parameter_files import overrides
@@ -40,7 +40,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         'bag', metavar='BAG', help='a folder of rosbag2, one of its files, or a bag of ROS 1'
     )
     parser.add_argument(
-        '--params-file', metavar='FILE',
+        '--params-file', metavar='FILE', action=Once,
         help=f'a parameter file, or the name of one in config/ (default: {models.DEFAULT})',
     )  # fmt: skip
     add_parameters(parser, 'a parameter over those of the file, such as imu.topic:=/imu/data')

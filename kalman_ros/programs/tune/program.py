@@ -22,7 +22,14 @@ from kalman_ros.analysis.tuning.held_out import Judgement, judge
 from kalman_ros.analysis.tuning.profiles import Profile, profiles
 from kalman_ros.analysis.tuning.robust_margins import RobustMargins, robust_margins
 from kalman_ros.core import DesignError, Dynamics
-from kalman_ros.programs.common_arguments import INTERVAL, PRIOR, add_parameters, add_part, pairs
+from kalman_ros.programs.common_arguments import (
+    INTERVAL,
+    PRIOR,
+    Once,
+    add_parameters,
+    add_part,
+    pairs,
+)
 from kalman_ros.programs.refusal import refuse
 from kalman_ros.programs.results import of_recording, ready
 from kalman_ros.scenario import Scenario, build, shipped
@@ -49,7 +56,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         help='a folder of rosbag2, one of its files, or a bag of ROS 1',
     )  # fmt: skip
     parser.add_argument(
-        '--params-file', type=Path, metavar='FILE',
+        '--params-file', type=Path, metavar='FILE', action=Once,
         help="the estimator's parameter file, or the name of a scenario "
         f'(default: {models.DEFAULT})',
     )  # fmt: skip
