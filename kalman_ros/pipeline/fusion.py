@@ -48,6 +48,8 @@ def fusion(
             raise ValueError(
                 f'initial_std: expected finite ones with {option}, got an infinite one'
             )
+    if options.lockstep and scenario.input.stamp_offset:
+        raise ValueError('input.stamp_offset: expected 0 with lockstep, where inputs answer steps')
     return _in_c(scenario, found, options, wait=wait) if in_c else found
 
 

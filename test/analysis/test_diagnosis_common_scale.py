@@ -9,6 +9,7 @@ from tools.doctor_score.recordings import Injection, simulated
 from kalman_ros.analysis.diagnosis import common_scale, units
 from kalman_ros.analysis.diagnosis.diagnose import diagnose
 from kalman_ros.analysis.diagnosis.examination import Examination
+from kalman_ros.analysis.diagnosis.trials import Trials
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import from_file
 
@@ -55,6 +56,17 @@ def test_the_factor_that_sensors_share_is_fitted(factor):
 @pytest.mark.parametrize('factors', [(1.0, 1.0), (1.3, 1.0 / 1.3)])
 def test_sensors_that_are_right_or_differ_share_no_factor(factors):
     assert list(common_scale.find(Examination(recorded(*factors)))) == []
+
+
+def test_its_size_is_fitted_again():
+    case = Examination(recorded(1.5, 1.5))
+    trials = Trials(case)
+    (found,) = common_scale.find(case)
+    trials.add_nearer(found, Examination(found.mended()))
+    scale = trials.best.mended().sensors['left'].value[5] / case.evidence.sensors['left'].value[5]
+    (first,) = found.mended().sensors['left'].value[5] / case.evidence.sensors['left'].value[5]
+    assert scale != first and scale == pytest.approx(1.0 / 1.5, rel=0.05)
+    assert trials.best.gain > trials.gain(found, Examination(found.mended()))
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 """Where findings of a diagnosis begin: each limit of a detector, from both sides."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from kalman_ros.analysis.diagnosis import (
     unobserved_states,
 )
 from kalman_ros.analysis.diagnosis.examination import Examination
+from kalman_ros.analysis.diagnosis.finding import Finding
 from kalman_ros.analysis.diagnosis.units import AFFINE, UNITS
 from kalman_ros.estimators.outcome import Outcome
 
@@ -362,6 +364,49 @@ def test_steps_of_half_a_deviation_add_to_the_noise(step, found):
         assert finding.change == {'position.noise': [pytest.approx(noise, rel=1e-2)]}
         R = finding.mended().sensors['position'].covariance
         np.testing.assert_allclose(np.sqrt(R), noise, rtol=1e-2)
+
+
+@pytest.mark.parametrize(('step', 'absurd'), [(99.0, False), (101.0, True)])
+def test_steps_of_a_hundred_deviations_may_be_those_of_another_unit(step, absurd):
+    readings = record(0.1 * np.arange(40), value=0.05 * step * np.resize([0, 1, 2, 5], 40))
+    (found,) = quantisation.find(case(readings))
+    assert found.note is ('unit' in found.sentence) is absurd
+    assert (found.mended is None) is (not found.change) is absurd
+
+
+def test_a_state_that_each_reading_shows_is_observed():
+    """Before each reading it is less certain than at the start, as a state that walks far is."""
+    case_ = case(record(np.arange(150.0)), initial_std=[0.5, 0.5])
+    for event in case_.passage.events:
+        event.P, event.K = np.diag([0.30, 0.30]), np.array([[0.25], [0.0]])
+    case_.passage.events[0].S = np.eye(1)
+    assert [finding.subject for finding in unobserved_states.find(case_)] == ['v']
+
+
+@pytest.mark.parametrize(
+    ('name', 'tau', 'change'),
+    [
+        ('gnss', -9.9, {'gnss.stamp_offset': -9.9}),
+        ('gnss', -10.1, {}),
+        ('input', 0.4, {'input.stamp_offset': 0.1}),
+        ('plain', 0.4, {}),
+    ],
+)
+def test_an_offset_is_proposed_where_it_is_possible(name, tau, change):
+    evidence = SimpleNamespace(parameters={'input.stamp_offset': -0.3}, headerless={'plain'})
+    assert lateness.offset_by(evidence, name, tau) == change
+
+
+@pytest.mark.parametrize(
+    ('kind', 'subject', 'concerned'),
+    [
+        ('scale', 'odom.vx', ('odom',)),
+        ('unit', 'left.speed and right.speed', ('left', 'right')),
+        ('parameter', 'imu.gravity', ('imu.gravity',)),
+    ],
+)
+def test_a_finding_concerns_sensors_or_a_parameter(kind, subject, concerned):
+    assert Finding(kind, subject, '', 1.0).concerned == concerned
 
 
 @pytest.mark.parametrize(

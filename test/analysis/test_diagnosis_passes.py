@@ -88,6 +88,8 @@ def test_the_matrices_of_each_step_are_the_same(name, both):
         np.testing.assert_allclose(one.corrections, other.corrections, rtol=0.0, atol=1e-6)
         np.testing.assert_allclose(one.square, other.square, rtol=1e-6, atol=1e-6)
         np.testing.assert_array_equal(one.sizes, other.sizes)
+        for field in ('index', 'innovation', 'whitened'):  # of a sensor that is not there
+            assert one.series(field, 'none').shape == other.series(field, 'none').shape == (0,)
 
 
 def test_a_gate_rejects_the_same_readings(both):

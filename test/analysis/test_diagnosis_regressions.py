@@ -199,7 +199,7 @@ def test_a_factor_that_is_next_to_nothing_is_positive():
     ],
 )
 def test_a_factor_is_that_of_a_unit_or_a_sign_nearby(factor, std, kind, exact):
-    found = units._classify_factor(factor, std, {0.3048: 'feet', 1e3: 'thousands'})
+    found = units.classified(factor, std, {0.3048: 'feet', 1e3: 'thousands'})
     nearest = (0.3048 if factor > 0.0 else -1.0) if exact else factor
     assert found[:2] == (kind, nearest)
     assert ('feet' in found[2]) is (kind == 'unit')
@@ -216,7 +216,7 @@ def test_a_factor_is_that_of_a_unit_or_a_sign_nearby(factor, std, kind, exact):
     ],
 )
 def test_a_half_is_likelier_than_knots(factor, std, kind):
-    assert units._classify_factor(factor, std, {0.514444: 'knots'})[0] == kind
+    assert units.classified(factor, std, {0.514444: 'knots'})[0] == kind
 
 
 @pytest.mark.parametrize(
@@ -639,6 +639,17 @@ def test_outliers_are_few_and_far(monkeypatch, events, far, times, usual, kind):
         assert (', in 1 stretch,' in finding.sentence) is (kind == 'disturbed')
         gone = finding.mended().sensors['position'].value[:, 0]
         assert np.flatnonzero(np.isnan(gone)).tolist() == rows.tolist()
+
+
+@pytest.mark.parametrize(('fitting', 'found'), [(2, True), (4, False)])
+def test_what_fits_is_not_called_an_outlier(monkeypatch, fitting, found):
+    """A gate that locks out rejects more readings that fit than outliers."""
+    squares = np.full(100, 0.3)
+    squares[:3] = 1.9 * LIMIT
+    monkeypatch.setattr(outliers, 'rejected', lambda *_: np.arange(3 + fitting))
+    assert kinds(outliers.find(case(record(0.1 * np.arange(100)), squares))) == (
+        ['outliers'] if found else []
+    )
 
 
 def test_a_gate_that_is_there_stays(monkeypatch):

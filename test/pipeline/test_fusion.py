@@ -9,7 +9,7 @@ pytest.importorskip('rclpy')
 
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.pipeline.estimator_options import EstimatorOptions
-from kalman_ros.pipeline.fusion import policy
+from kalman_ros.pipeline.fusion import fusion, policy
 from kalman_ros.scenario import build
 
 PUSHED, ALONE = (build({'model': name}) for name in ('mass_spring_damper', 'turn_rate'))
@@ -43,6 +43,17 @@ def test_each_option_is_passed_on(option, value, expected):
 def test_only_in_real_time_does_a_body_rest_until_its_input(scenario, lockstep, rests):
     options = replace(PLAIN, rest_until_input=True, lockstep=lockstep)
     assert policy(scenario, options).rest_until_input is rests
+
+
+@pytest.mark.parametrize('lockstep', [True, False])
+def test_in_lockstep_an_input_keeps_its_stamps(lockstep):
+    scenario = build({'input.stamp_offset': -0.1})
+    options = replace(PLAIN, lockstep=lockstep)
+    if not lockstep:
+        assert fusion(scenario, options, {}).filter is not None
+        return
+    with pytest.raises(ValueError, match='^input.stamp_offset: expected 0 with lockstep'):
+        fusion(scenario, options, {})
 
 
 def test_another_start_is_refused():

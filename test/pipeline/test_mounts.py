@@ -237,7 +237,7 @@ def imu_of(rate, force, frame='imu_link', stamp=5_000_000_000):
 
 
 def test_the_imu_that_is_the_input_is_turned_by_its_transform():
-    scenario, warned = settings(INERTIAL).scenario, []
+    scenario, warned = settings({**INERTIAL, 'input.stamp_offset': -0.25}).scenario, []
     mounts = Mounts(scenario, 'base_link', warned.append)
     assert mounts.needed
     reader = InputReader(scenario.input, ('map', 'base_link'), warned.append, mounts)
@@ -253,8 +253,9 @@ def test_the_imu_that_is_the_input_is_turned_by_its_transform():
     assert np.linalg.norm(place) > 0.1
     centre = turn.apply(force) - np.cross(w, np.cross(w, place))
     for _ in range(2):
-        found = reader.read(data).values
-        np.testing.assert_allclose(found, [*w, *centre], atol=1e-12)
+        found = reader.read(data)
+        np.testing.assert_allclose(found.values, [*w, *centre], atol=1e-12)
+        assert found.time == 4_750_000_000
     assert not warned
     mounts.on_static(message(('base_link', 'mast', numbers([0.0, 0.0, 1.0], TURN))))
     assert warned == ['input: the transform of imu_link has changed: restart the estimator']

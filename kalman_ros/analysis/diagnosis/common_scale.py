@@ -16,7 +16,7 @@ from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Finding
 from .responses import Fit
-from .units import classified, conversions, mixed, mixing, replaced, scaling
+from .units import classified, conversions, label_of, mixed, mixing, replaced, scaling
 
 #: A factor that differs from 1 by less than this, or this number of standard deviations, is no
 #: finding.
@@ -51,8 +51,11 @@ def _alike(case: Examination) -> Iterator[_Like]:
         kinds.setdefault(tuple(output.units), []).append(name)
     for units, names in kinds.items():
         if len(names) > 1:
+            space = case.evidence.scenario.sensors[names[0]].sensor.output
             for unit in dict.fromkeys(units):
-                yield _Like(tuple(names), tuple(i for i, u in enumerate(units) if u == unit))
+                group = tuple(i for i, u in enumerate(units) if u == unit)
+                if not {*space.angles} & {space.names[i] for i in group}:
+                    yield _Like(tuple(names), group)
 
 
 def _usual(case: Examination, like: _Like) -> list[float]:
@@ -93,8 +96,9 @@ def _scaled(case: Examination, like: _Like, factor: float, std: float, gain: flo
     """Return the finding that readings of several sensors must be multiplied by one factor."""
     evidence, space = case.evidence, case.evidence.scenario.sensors[like.sensors[0]].sensor.output
     kind, factor, cause = classified(factor, std, conversions(space, like.group))
-    single = '' if len(like.group) == space.size else f'.{space.names[like.group[0]]}'
-    subject = ' and '.join(f'{name}{single}' for name in like.sensors)
+    whole = len(like.group) == space.size
+    labels = (name if whole else label_of(case, name, like.group) for name in like.sensors)
+    subject = ' and '.join(labels)
     M = scaling(case, like.sensors[0], like.group, factor)
     dues = sum(replaced(case, name, M)[1] for name in like.sensors)
 

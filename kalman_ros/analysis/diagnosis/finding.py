@@ -169,6 +169,13 @@ class Finding:
     density: DensityLevel | None = field(default=None, repr=False, compare=False)
 
     @property
+    def concerned(self) -> tuple[str, ...]:
+        """Sensors whose readings it changes, or what is no sensor."""
+        if self.kind == 'parameter':  # which may be that of a sensor
+            return (self.subject,)
+        return tuple(each.partition('.')[0] for each in self.subject.split(' and '))
+
+    @property
     def cautious(self) -> bool:
         """Whether it makes the filter less sure than it could be, and nothing wrong."""
         return self.kind.endswith('too large')

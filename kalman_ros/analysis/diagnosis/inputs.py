@@ -18,7 +18,7 @@ from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
 from .hypotheses import edges, held
-from .lateness import MISFIT, TimeSearch
+from .lateness import MISFIT, TimeSearch, offset_by
 from .passage import explained_in_both
 from .tested import likelier
 
@@ -212,8 +212,7 @@ def _late(evidence: Evidence, seconds: float, std: float, gain: float) -> Findin
         'or of the connection to it.'
     )
     if seconds < 0.0:
-        kind, subject, option = 'stamps late', 'input', 'input.stamp_offset'
-        change = {option: round(float(evidence.parameters.get(option, 0.0)) + seconds, 4)}
+        kind, subject, change = 'stamps late', 'input', offset_by(evidence, 'input', seconds)
         sentence = (
             f'the input acts {-seconds:.4g} ± {std:.1g} s before its stamps: they are made on '
             'receipt, or by a clock that is ahead of those of the sensors.'

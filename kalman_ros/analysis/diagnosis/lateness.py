@@ -12,6 +12,7 @@ import numpy as np
 
 from kalman_ros.analysis.records import SensorRecord
 from kalman_ros.estimators.outcome import Outcome
+from kalman_ros.scenario.signal_declarations import LONGEST_OFFSET
 
 from .evidence import Evidence
 from .examination import CHANCE, Examination
@@ -124,7 +125,8 @@ class TimeSearch:
     case
         Recording.
     shift
-        Function that returns the recording with stamps that are later by a time in s.
+        Function that returns the recording with stamps, of a sensor or of the input, that are
+        later by a time in s.
     compare
         Function that returns the gain of a pass with other times, the second one, over the first.
     """
@@ -176,11 +178,7 @@ class TimeSearch:
 
 def stamped(evidence: Evidence, name: str, before: float, fit: Fit) -> Finding:
     """Return the finding that stamps are wrong by a fitted time beyond ``before`` seconds."""
-    tau, option, record = (
-        before + float(fit.size[0]),
-        f'{name}.stamp_offset',
-        evidence.sensors[name],
-    )
+    tau, record = before + float(fit.size[0]), evidence.sensors[name]
 
     def again(after: Examination) -> Finding | None:
         more = after.responses.first('stamp', name)
@@ -188,13 +186,13 @@ def stamped(evidence: Evidence, name: str, before: float, fit: Fit) -> Finding:
             return None
         return stamped(evidence, name, tau, more)
 
-    change = {option: round(float(evidence.parameters.get(option, 0.0)) + tau, 4)}
+    change = offset_by(evidence, name, tau)
     side, when = 'after', 'too early'
     if tau < 0.0:
         side, when = 'before', 'on receipt, not when they are taken'
     words = f'stamps: they are stamped {when}. Stamp them when they are taken, or set the offset.'
     if name in evidence.headerless:
-        change, words = {}, 'receipt. Publish a type with a header, stamped when they are taken.'
+        words = 'receipt. Publish a type with a header, stamped when they are taken.'
     return Finding(
         'stamps late' if tau < 0.0 else 'stamps early',
         name,
@@ -207,6 +205,14 @@ def stamped(evidence: Evidence, name: str, before: float, fit: Fit) -> Finding:
         mended=partial(shift_stamps, evidence, name, tau),
         again=again,
     )
+
+
+def offset_by(evidence: Evidence, name: str, tau: float) -> dict[str, float]:
+    """Return the parameter that adds a time to the stamps of a sensor or of the input, if any."""
+    option = f'{name}.stamp_offset'
+    offset = round(float(evidence.parameters.get(option, 0.0)) + tau, 4)
+    possible = name not in evidence.headerless and abs(offset) <= LONGEST_OFFSET
+    return {option: offset} if possible else {}
 
 
 def shift_stamps(evidence: Evidence, name: str, tau: float) -> Evidence:

@@ -133,9 +133,14 @@ class Passage:
     table: Callable[[str, str], Any] | None = None
 
     def series(self, field: str, sensor: str = '') -> Any:
-        """Return a field of an `Event`, or 'whitened', of all events or of those of a sensor."""
+        """Return a field of an `Event`, or 'whitened', of all events or of those of a sensor.
+
+        It is empty (0,) for a sensor without an event.
+        """
         if self.table is not None:
             return self.table(field, sensor)
+        if sensor and not len(self.of(sensor)):
+            return _NOTHING
         if field == 'whitened':
             return np.array([self.whitened[i] for i in self.of(sensor).tolist()])
         events = self.events_of(sensor) if sensor else self.events
@@ -213,7 +218,7 @@ class Passage:
         own = {name: int(np.searchsorted(self.of(name), count)) for name in self.names}
 
         def table(field: str, sensor: str) -> Any:
-            return whole(field, sensor)[: own[sensor] if sensor else count]
+            return whole(field, sensor)[: own.get(sensor, 0) if sensor else count]
 
         count = min(count, len(events))
         return Passage(
@@ -255,7 +260,9 @@ class Passage:
         return np.asarray(self.square[self.of(sensor)])
 
 
-_NO_TERMS = Terms(np.zeros(0, dtype=int), np.zeros(0), np.zeros(0), 0)
+#: Fields and terms of a sensor without an event.
+_NOTHING = np.zeros(0, dtype=int)
+_NO_TERMS = Terms(_NOTHING, np.zeros(0), np.zeros(0), 0)
 
 
 def passage(evidence: Evidence, until: float = inf, strict: bool = True) -> Passage:
@@ -423,7 +430,9 @@ class _Table:
         """Return a field of all events, or of those of a sensor."""
         if not sensor:
             return self._whole[field]
-        own = self._by_sensor[sensor]
+        own = self._by_sensor.get(sensor)
+        if own is None:
+            return _NOTHING
         return own[field] if field in own else self._whole[field][own['at']]
 
     @property

@@ -63,8 +63,7 @@ class Trials:
         """
         finding = replace(finding, gain=self.gain(finding, after))
         for _ in range(_REFINED):
-            subjects = [each.partition('.')[0] for each in finding.subject.split(' and ')]
-            better = finding.again and finding.again(after.about(subjects))
+            better = finding.again and finding.again(after.about(finding.concerned))
             if not better or better.mended is None:
                 break
             try:

@@ -15,7 +15,7 @@ from .passage import Passage
 
 #: A state is unobserved if its deviation in the last tenth exceeds this multiple of the first.
 _GROWN = 1.0
-#: Number of events at which the deviations are evaluated, approximately.
+#: Number of parts, approximately, of which the smallest deviations count.
 _PARTS = 50
 
 

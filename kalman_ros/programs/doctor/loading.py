@@ -81,11 +81,9 @@ def replayed(
         return replayed(bag, changed(parameters, changes), (start, min(end, start + seconds)))
 
     sensors: dict[str, SensorRecord] = dict(result.sensors)
-    headerless = frozenset(
-        name
-        for name, source in result.scenario.sensors.items()
-        if not has_header(source.signal.type)
-    )
+    signals = {name: source.signal for name, source in result.scenario.sensors.items()}
+    signals['input'] = result.scenario.input
+    headerless = frozenset(name for name, each in signals.items() if not has_header(each.type))
     forces = dict(_forces(bag, result.scenario, start))
     return Evidence(
         parameters, result.scenario, sensors, result.inputs, result.beliefs, again, headerless,

@@ -47,7 +47,9 @@ def sentences(fit: Fit) -> Iterator[str]:
         f'Log-likelihood of {fit.count} readings: {fit.before:.6g} before, {fit.after:.6g} after; '
         f'AIC {before:.6g} before, {after:.6g} after (lower is better).'
     )
-    if not fit.converged:
+    if fit.interrupted and any(parameter.interval for parameter in fit.parameters):
+        yield 'Interrupted before all intervals were computed.'
+    elif not fit.converged:
         where = f' on the first {fit.count} readings' if fit.partial else ''
         yield (
             f'Not converged, {fit.stopped}: these values, which have no intervals, are those '
