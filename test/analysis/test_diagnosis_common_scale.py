@@ -28,21 +28,21 @@ PARAMETERS = {
 }  # fmt: skip
 
 
-def recorded(*factors):
-    """Return a recording of 20 s with the speeds multiplied by factors."""
+def recorded(*factors, offset=0.0, **changes):
+    """Return a recording of 20 s with the speeds multiplied by factors, and with an offset."""
     readings, inputs = simulated(NAME, Injection(), 20.0, 3)
     speed, place = readings['velocity'], readings['position']
     given = {'place': (place.received, place.stamp, place.value, place.covariance)}
     for index, (name, factor) in enumerate(zip(('left', 'right'), factors)):
-        value = factor * speed.value[:, index : index + 1]
+        value = factor * speed.value[:, index : index + 1] + offset
         given[name] = (speed.received, speed.stamp, value, None)
-    return replay(PARAMETERS, given, inputs)
+    return replay({**PARAMETERS, **changes}, given, inputs)
 
 
 @pytest.mark.parametrize('factor', [1.3, 0.6, -1.0])
 def test_the_factor_that_sensors_share_is_fitted(factor):
     case = Examination(recorded(factor, factor))
-    (found,) = common_scale.find(case)
+    (found,) = (each for each in common_scale.find(case) if each.kind != 'bias')
     assert found.subject == 'left and right'
     after = Examination(found.mended()).passage
     assert found.gain == pytest.approx(case.passage.misfit - after.misfit - found.dues, rel=0.05)
@@ -58,10 +58,26 @@ def test_sensors_that_are_right_or_differ_share_no_factor(factors):
     assert list(common_scale.find(Examination(recorded(*factors)))) == []
 
 
+@pytest.mark.parametrize('offset', [0.2, -0.3])
+def test_an_offset_that_sensors_share_is_a_bias_of_all(offset):
+    case = Examination(recorded(1.0, 1.0, offset=offset))
+    found = max(common_scale.find(case), key=lambda finding: finding.gain)
+    assert (found.kind, found.subject) == ('bias', 'left and right')
+    size = case.evidence.sensors['left'].value - found.mended().sensors['left'].value
+    np.testing.assert_allclose(size, offset, atol=0.05)
+    after = Examination(found.mended()).passage
+    assert found.gain == pytest.approx(case.passage.misfit - after.misfit, rel=0.05)
+
+
+def test_sensors_of_another_type_are_of_another_kind():
+    other = {'right.type': 'geometry_msgs/TwistStamped', 'right.fields': ['twist.linear.y']}
+    assert list(common_scale.find(Examination(recorded(1.5, 1.5, **other)))) == []
+
+
 def test_its_size_is_fitted_again():
     case = Examination(recorded(1.5, 1.5))
     trials = Trials(case)
-    (found,) = common_scale.find(case)
+    (found,) = (each for each in common_scale.find(case) if each.kind != 'bias')
     trials.add_nearer(found, Examination(found.mended()))
     scale = trials.best.mended().sensors['left'].value[5] / case.evidence.sensors['left'].value[5]
     (first,) = found.mended().sensors['left'].value[5] / case.evidence.sensors['left'].value[5]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scale or unit that sensors of the same kind share, such as the ranges of all beacons.
+"""A scale, unit or bias that sensors of the same kind share, such as the ranges of all beacons.
 
 Each sensor contradicts the others by what all have in common, so that none of them shows it alone.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial, reduce
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,8 +31,9 @@ class _Like(NamedTuple):
 
 
 def find(case: Examination) -> Iterator[Finding]:
-    """Yield the sensors of one kind that fit after a multiplication by one factor."""
+    """Yield the sensors of one kind that fit with one factor, or without one offset."""
     for like in _alike(case):
+        yield from _find_offset(case, like)
         fit = _fit(case, like)
         if fit is None or fit.gain < CHANCE:
             continue
@@ -45,17 +46,59 @@ def find(case: Examination) -> Iterator[Finding]:
 
 def _alike(case: Examination) -> Iterator[_Like]:
     """Yield the sensors of one kind, with each of their units."""
-    kinds: dict[tuple[str, ...], list[str]] = {}
+    kinds: dict[tuple[Any, ...], list[str]] = {}
     for name in case.judged:
-        output = case.evidence.scenario.sensors[name].sensor.output
-        kinds.setdefault(tuple(output.units), []).append(name)
-    for units, names in kinds.items():
+        source = case.evidence.scenario.sensors[name]
+        units = tuple(source.sensor.output.units)
+        kinds.setdefault((type(source.sensor), source.signal.type, units), []).append(name)
+    for (*_, units), names in kinds.items():
         if len(names) > 1:
             space = case.evidence.scenario.sensors[names[0]].sensor.output
             for unit in dict.fromkeys(units):
                 group = tuple(i for i, u in enumerate(units) if u == unit)
                 if not {*space.angles} & {space.names[i] for i in group}:
                     yield _Like(tuple(names), group)
+
+
+def _find_offset(case: Examination, like: _Like) -> Iterator[Finding]:
+    """Yield the finding that readings of several sensors are off by the same amount."""
+    columns = [
+        column
+        for name in like.sensors
+        for i in like.group
+        for column in case.responses.columns('offset', name, str(i))
+    ]
+    fit = case.responses.fit(np.ones((len(columns), 1)), columns)
+    size, std = float(fit.size[0]), float(fit.std[0])
+    if fit.gain < CHANCE or abs(size) < _SHOWN * std:
+        return
+    evidence, subject = case.evidence, _subject(case, like)
+    unit = evidence.scenario.sensors[like.sensors[0]].sensor.output.units[like.group[0]]
+
+    def mended() -> Evidence:
+        return reduce(partial(_shifted, like=like, size=size), like.sensors, evidence)
+
+    yield Finding(
+        'bias', subject,
+        f'readings of {subject} are all off by {size:.4g} ± {std:.1g} {unit}'.rstrip() + '.',
+        fit.gain**0.5, gain=fit.gain, mended=mended,
+    )  # fmt: skip
+
+
+def _shifted(evidence: Evidence, name: str, like: _Like, size: float) -> Evidence:
+    """Return the evidence with an offset of a sensor removed."""
+    value = evidence.sensors[name].value.copy()
+    value[:, list(like.group)] -= size
+    return evidence.with_values(name, value)
+
+
+def _subject(case: Examination, like: _Like) -> str:
+    """Return the sensors, with their coordinates unless these are all that they have."""
+    space = case.evidence.scenario.sensors[like.sensors[0]].sensor.output
+    whole = len(like.group) == space.size
+    return ' and '.join(
+        name if whole else label_of(case, name, like.group) for name in like.sensors
+    )
 
 
 def _usual(case: Examination, like: _Like) -> list[float]:
@@ -96,9 +139,7 @@ def _scaled(case: Examination, like: _Like, factor: float, std: float, gain: flo
     """Return the finding that readings of several sensors must be multiplied by one factor."""
     evidence, space = case.evidence, case.evidence.scenario.sensors[like.sensors[0]].sensor.output
     kind, factor, cause = classified(factor, std, conversions(space, like.group))
-    whole = len(like.group) == space.size
-    labels = (name if whole else label_of(case, name, like.group) for name in like.sensors)
-    subject = ' and '.join(labels)
+    subject = _subject(case, like)
     M = scaling(case, like.sensors[0], like.group, factor)
     dues = sum(replaced(case, name, M)[1] for name in like.sensors)
 

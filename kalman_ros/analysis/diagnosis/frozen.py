@@ -23,7 +23,7 @@ _REPEATED, _FROZEN, _SHARE, _SHORTEST = 10, 0.5, 0.05, 0.15
 _AGREES, _NOTHING = 2.0, 1e-6
 #: Share of the other readings that repeat the one before where this is usual, and standard
 #: deviations beside a step within which the value is the expected one.
-_USUAL, _WITHIN = 0.05, 2.0
+_USUAL, _WITHIN = 0.3, 2.0
 
 
 def find(case: Examination) -> list[Finding]:
@@ -45,6 +45,11 @@ def _rests(case: Examination, name: str, record: SensorRecord, rows: Array) -> b
     std = np.sqrt(np.median(record.covariance, axis=0).diagonal())
     if (np.abs(record.value[rows]) > _NOTHING * std).any():
         return False
+    return _agrees(case, name, rows)
+
+
+def _agrees(case: Examination, name: str, rows: Array) -> bool:
+    """Return whether readings of a sensor are those that the filter expects."""
     e = case.passage.whitened_of(name)[np.isin(case.passage.series('index', name), rows)]
     return e.size > 0 and float(np.mean(np.square(e))) < _AGREES
 
@@ -57,7 +62,8 @@ def _is_as_usual(case: Examination, name: str, record: SensorRecord, rows: Array
     """
     unchanged = (np.diff(record.value, axis=0) == 0.0).all(axis=1)
     unchanged[rows[:-1]] = False
-    if unchanged.sum() <= _USUAL * (len(record) - len(rows)):
+    usual = unchanged.sum() > _USUAL * (len(record) - len(rows))
+    if not usual or not _agrees(case, name, rows):
         return False
     kept = np.setdiff1d(np.arange(len(record)), rows[1:-1])
     rest = case.evidence.with_sensor(name, record.select(kept))
@@ -66,10 +72,9 @@ def _is_as_usual(case: Examination, name: str, record: SensorRecord, rows: Array
     if name not in found.names or found.series('time', name)[-1] < last - 1e-9:
         return False
     nu, S = (found.series(field, name)[-1] for field in ('innovation', 'S'))
-    std = np.sqrt(max(1.0, case.passage.mean_square) * S.diagonal())
     levels = [np.unique(column[np.isfinite(column)]) for column in record.value.T]
     step = np.array([np.diff(each).min(initial=np.inf) for each in levels])
-    return bool((np.abs(nu) < step + _WITHIN * std).all())
+    return bool((np.abs(nu) < step + _WITHIN * np.sqrt(S.diagonal())).all())
 
 
 def _frozen(case: Examination, name: str, record: SensorRecord) -> Iterator[Finding]:

@@ -100,6 +100,12 @@ def is_right(finding: Finding, recording: Recording) -> bool:
     """Return whether a finding itself names the fault of a recording, or what is alike."""
     kind, subject = finding['kind'], finding['subject']
     pairs = [pair for pair in meanings(recording) if is_meant(kind, subject, *pair)]
+    if kind != 'correlated noise' and ' and ' in subject:  # each of several sensors
+        of_each = [
+            [pair for pair in meanings(recording) if is_meant(kind, part, *pair)]
+            for part in subject.split(' and ')
+        ]
+        pairs = of_each[0] if all(of_each) else []
     if not pairs:
         return False
     if recording.kind == 'noise' and pairs[0][0] == 'noise':

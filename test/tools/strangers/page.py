@@ -14,14 +14,18 @@ _HEAD = """# How often the diagnosis is right elsewhere
 **Recordings that this package did not make.** Each goes through `./dev doctor BAG`, as those of
 users do: the executable, with its windows, gates and outcomes. Made by
 `./dev strangers --page docs/explanation/doctor_elsewhere.md`, after `--score` for each set. The
-tables are of one version, of the last score of all sets.
+tables are of one version, of the last score of all sets. With the last changes, which are named
+at *eighth*, three sets were scored again: *real* 59 of 60 first, *eighth* and *seventh* 77 of 78
+each, none wrong and sure, none of the clean flagged. (Two of *real* and one of *seventh* had got
+worse; that was mended, and they were run again alone.)
 
 - *eighth*: ten systems, simulated by code that shares nothing with the package, and written
   without a look at the doctor. **Its first score, blind, counts**: 77 of 78 first (99 %), 77 among
   three, wrong and sure 0 of 90, clean flagged 0 of 12. Changed since, none with it in view but
-  with foreign recordings: times far from the stamps, also of the input; a scale that sensors of
-  one kind share; exchanged axes of an instrument that is the input; values that rest between the
-  steps of a sensor; steps of a hundred times the noise; no noise below that of rounding.
+  with foreign recordings: times far from the stamps, also of the input; a scale or a bias that
+  sensors of one kind share; exchanged axes of an instrument that is the input; values that rest
+  between the steps of a sensor; steps of a hundred times the noise; no noise below that of
+  rounding.
 - *seventh*: ten other systems, written in the same way. Its first score, blind, was 75 of 78
   first (96 %), 76 among three (97 %), wrong and sure 1 of 90 (1 %), clean flagged 1 of 12. (As
   printed, 74 were first and 75 among three: the truth of telescope_gyro_walks was misspelt, and
@@ -68,6 +72,12 @@ tables are of one version, of the last score of all sets.
   optical attitude, which the doctor does not see (`test/estimators/test_optical_truth.py`).
 - *first*, and *second* where it is listed: other simulated systems. Causes that they have and the
   doctor lacked were added since, so that their shares of right causes flatter it.
+
+*Foreign recordings* are public ones that are not kept here, with faults injected by someone who
+had not seen the doctor. Of the last 79 runs, on seven of them (a quadrotor, a ship, a heater, a
+battery, two motors, a robot among landmarks, a car in a park), six first findings were wrong and
+70 % sure or more. With these in view the above was changed, and 71 were run again: one is, of a
+thermometer whose errors are alike in time and larger than declared.
 
 How sure it is was calibrated on *third* and *real*, and is tested by the others. A delay by which
 no reading is lost is a note, and no finding.
