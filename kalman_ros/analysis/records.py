@@ -54,6 +54,12 @@ class SensorRecord:
     def __len__(self) -> int:
         return len(self.received)
 
+    @property
+    def unchanged(self) -> Any:
+        """Which readings have the value of the one before (N,)."""
+        same = (np.diff(self.value, axis=0) == 0.0).all(axis=1)
+        return np.append(False, same)[: len(self)]
+
     def select(self, keep: Any) -> SensorRecord:
         """Return the readings that ``keep`` selects, a mask (N,) or indices."""
         return SensorRecord(*(getattr(self, field.name)[keep] for field in fields(SensorRecord)))

@@ -13,8 +13,8 @@ from tools.doctor_score.recordings import recorded
 from kalman_ros.analysis.diagnosis import inputs, noise_levels, rate
 from kalman_ros.analysis.diagnosis.diagnose import divided
 from kalman_ros.analysis.diagnosis.examination import Examination
+from kalman_ros.analysis.diagnosis.filter_pass import passage
 from kalman_ros.analysis.diagnosis.finding import Finding
-from kalman_ros.analysis.diagnosis.passage import passage
 from kalman_ros.analysis.records import InputRecord
 
 

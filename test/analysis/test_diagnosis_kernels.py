@@ -11,8 +11,9 @@ from kalman_ros.analysis.diagnosis import outliers
 from kalman_ros.analysis.diagnosis.bias import courses_of
 from kalman_ros.analysis.diagnosis.evidence import misfit
 from kalman_ros.analysis.diagnosis.examination import Examination
+from kalman_ros.analysis.diagnosis.filter_pass import passage, rejected
 from kalman_ros.analysis.diagnosis.hypotheses import held
-from kalman_ros.analysis.diagnosis.passage import explained, passage, rejected
+from kalman_ros.analysis.diagnosis.passage import explained
 from kalman_ros.analysis.diagnosis.quantisation import grid
 from kalman_ros.analysis.diagnosis.refilter import misfits
 from kalman_ros.analysis.diagnosis.responses import Responses, fitted

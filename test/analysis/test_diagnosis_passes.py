@@ -8,7 +8,8 @@ import pytest
 from thorough import thorough
 from tools.doctor_score.recordings import recorded
 
-from kalman_ros.analysis.diagnosis.passage import Event, passage, rejected
+from kalman_ros.analysis.diagnosis.filter_pass import passage, rejected
+from kalman_ros.analysis.diagnosis.passage import Event
 from kalman_ros.compiled.parts import VARIABLE
 from kalman_ros.core import Dynamics
 

@@ -12,7 +12,7 @@ from tools.doctor_score.array_replay import replay
 
 from kalman_ros.analysis.diagnosis.beginning import likeliest
 from kalman_ros.analysis.diagnosis.diagnose import diagnose
-from kalman_ros.analysis.diagnosis.passage import passage
+from kalman_ros.analysis.diagnosis.filter_pass import passage
 from kalman_ros.analysis.records import InputRecord
 from kalman_ros.core import Gaussian, Space
 

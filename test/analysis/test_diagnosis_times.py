@@ -59,6 +59,14 @@ def test_a_part_is_enough(robot, monkeypatch):
     assert part.gain == pytest.approx(whole.gain, rel=0.35)
 
 
+def test_a_time_beyond_the_regression_of_a_known_rate_is_found():
+    spring = recorded('mass_spring_damper', None, 20.0, 3)
+    found = lateness.hidden(Examination(later(spring, 'position', 1.5)))
+    best = max(found, key=lambda finding: finding.gain)
+    assert (best.kind, best.subject) == ('stamps late', 'position')
+    assert seconds(best) == pytest.approx(1.5, abs=0.05)
+
+
 def test_right_stamps_are_not_doubted(robot):
     assert lateness.hidden(Examination(robot)) == []
 

@@ -12,10 +12,11 @@ import numpy as np
 from kalman_ros.core import Array
 
 from .evidence import Evidence
+from .filter_pass import passage
 from .hypotheses import columns, effect
 from .noise_scores import NoiseScores, noise_scores
 from .parameters import varied
-from .passage import Passage, passage
+from .passage import Passage
 from .responses import Responses, responses
 
 #: A gain of -2 log likelihood below this is chance. About 200 hypotheses are tested; the gain of

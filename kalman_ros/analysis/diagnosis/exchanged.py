@@ -11,9 +11,10 @@ import numpy as np
 
 from .evidence import Evidence
 from .examination import CHANCE, Examination
+from .filter_pass import passage
 from .finding import Finding
 from .noise_levels import innovations
-from .passage import explained, passage
+from .passage import explained
 
 #: The largest number of pairs that are tried, of those whose readings fit worst.
 _PAIRS = 3

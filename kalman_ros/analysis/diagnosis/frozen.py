@@ -12,8 +12,8 @@ from kalman_ros.analysis.records import SensorRecord
 from kalman_ros.core import Array
 
 from .examination import Examination
+from .filter_pass import passage
 from .finding import Curve, Figure, Finding
-from .passage import passage
 
 #: A value is frozen if it is repeated this number of times, and for this time in seconds or, of a
 #: short recording, this share of it, but no less than the last number.
@@ -60,9 +60,9 @@ def _is_as_usual(case: Examination, name: str, record: SensorRecord, rows: Array
     A reading that is rounded repeats while what it measures changes by less than a step. The
     prediction of the last reading is without those between the first one and it.
     """
-    unchanged = (np.diff(record.value, axis=0) == 0.0).all(axis=1)
-    unchanged[rows[:-1]] = False
-    usual = unchanged.sum() > _USUAL * (len(record) - len(rows))
+    others = record.unchanged
+    others[rows[1:]] = False
+    usual = others.sum() > _USUAL * (len(record) - len(rows))
     if not usual or not _agrees(case, name, rows):
         return False
     kept = np.setdiff1d(np.arange(len(record)), rows[1:-1])
@@ -100,8 +100,7 @@ def _frozen(case: Examination, name: str, record: SensorRecord) -> Iterator[Find
 
 def repeats(record: SensorRecord) -> Array | None:
     """Return the indices of the readings of the longest frozen value; None without one."""
-    unchanged = (np.diff(record.value, axis=0) == 0.0).all(axis=1)
-    breaks = np.flatnonzero(np.concatenate(([True], ~unchanged, [True])))
+    breaks = np.flatnonzero(np.append(~record.unchanged, True))
     lengths = np.diff(breaks)
     longest = int(np.argmax(lengths))
     run = np.arange(breaks[longest], breaks[longest + 1])

@@ -11,8 +11,9 @@ from scipy.special import bdtrc
 from kalman_ros.estimators.outcome import Outcome
 
 from .examination import CHANCE, Examination
+from .filter_pass import passage
 from .finding import Curve, Figure, Finding
-from .passage import explained_in_both, passage
+from .passage import explained_in_both
 
 #: Rejected readings are good if their NIS in a pass without the gate has the same distribution as
 #: that of the other readings: its median exceeds the median of all by no more than this factor.

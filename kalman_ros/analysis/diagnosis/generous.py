@@ -25,10 +25,11 @@ from kalman_ros.sensors.landmarks import Landmarks
 from . import input_axes
 from .evidence import Evidence
 from .examination import Examination
+from .filter_pass import passage
 from .finding import Finding
 from .lateness import TimeSearch, shift_stamps, stamped
 from .mounting import axes_exchanged, turned, vectors
-from .passage import DROPPED, Passage, in_both, passage
+from .passage import DROPPED, Passage, in_both
 from .peak import deviation, peak
 from .trials import certainty, same
 from .units import groups, mixed, scaled, scaling

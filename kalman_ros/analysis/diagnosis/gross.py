@@ -12,10 +12,11 @@ import numpy as np
 
 from . import exchanged, input_axes
 from .examination import CHANCE, Examination
+from .filter_pass import passage
 from .finding import Finding
 from .left_out import left_out
 from .mounting import axes_exchanged, best_rotation, nearest_rotation, turned, vectors, within
-from .passage import Passage, explained, passage
+from .passage import Passage, explained
 from .units import conversions, groups, mixed, scaled
 
 #: A filter is lost if its squared innovations exceed their expectation by this factor.

@@ -19,10 +19,11 @@ from kalman_ros.core.quantity import quantities
 
 from .evidence import Evidence
 from .examination import CHANCE, Examination
+from .filter_pass import passage
 from .finding import Finding
 from .hypotheses import alike
 from .mounting import best_near, nearest_rotation, plane_rotations, rotation_angle
-from .passage import Passage, passage
+from .passage import Passage
 from .units import conversions
 
 #: Smallest rotation that is a finding, in rad.

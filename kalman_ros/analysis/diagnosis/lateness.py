@@ -16,8 +16,9 @@ from kalman_ros.scenario.signal_declarations import LONGEST_OFFSET
 
 from .evidence import Evidence
 from .examination import CHANCE, Examination
+from .filter_pass import passage
 from .finding import Finding
-from .passage import Passage, explained_in_both, passage
+from .passage import Passage, explained_in_both
 from .peak import deviation, peak
 from .responses import Fit
 from .stamps import latency, picture, slope

@@ -12,7 +12,8 @@ from kalman_ros.core import Array
 
 from .evidence import Evidence
 from .examination import Examination
-from .passage import Passage, passage, usable
+from .filter_pass import passage, usable
+from .passage import Passage
 
 #: The smallest number of readings that are compared.
 _FEWEST = 50

@@ -11,8 +11,9 @@ from scipy.special import gammainccinv
 from kalman_ros.core import Array
 
 from .examination import CHANCE, Examination
+from .filter_pass import rejected
 from .finding import Curve, Figure, Finding
-from .passage import DROPPED, rejected
+from .passage import DROPPED
 
 #: Probability of an outlier under the declared noise, and largest share of outliers.
 _RARE, _MOST = 1e-6, 0.25

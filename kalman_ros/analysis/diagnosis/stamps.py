@@ -15,8 +15,9 @@ from kalman_ros.core import Array
 
 from .evidence import Evidence
 from .examination import CHANCE, Examination
+from .filter_pass import passage, usable
 from .finding import Curve, Figure, Finding
-from .passage import explained, passage, usable
+from .passage import explained
 
 #: A clock is suspected if its stamps are ahead of the recorder by more than the first time (s), or
 #: behind it by more than the second.
