@@ -76,31 +76,43 @@ void linearized_steps(double *v, long count, double dt, double max_step, const d
     }
 }
 
-/* C += A B', a sum over columns after the other, whole rows at a time */
-INLINE void add_product_transposed(const double *A, const double *B, double *C)
+/* A matrix of a large model has many zeros, which add nothing. */
+#define ADDS(number) (N < 8 || (number) != 0)
+
+INLINE void add_row(double *to, double factor, const double *row)
 {
-    double turned[N * N];
-    for (int i = 0; i < N; i++)
-        for (int j = 0; j < N; j++)
-            turned[i * N + j] = B[j * N + i];
+    for (int j = 0; j < N; j++)
+        to[j] += factor * row[j];
+}
+
+/* out += A P A' for a symmetric P, right above the diagonal; a sum over columns after the other,
+ * whole rows at a time */
+INLINE void add_congruent(const double *A, const double *P, double *out)
+{
+    double AP[N * N] = {0}, turned[N * N];
     for (int i = 0; i < N; i++)
         for (int l = 0; l < N; l++)
-            for (int j = 0; j < N; j++)
-                C[i * N + j] += A[i * N + l] * turned[l * N + j];
+            if (ADDS(A[i * N + l]))
+                add_row(AP + i * N, A[i * N + l], P + l * N);
+    for (int i = 0; i < N; i++)
+        for (int j = 0; j < N; j++)
+            turned[i * N + j] = AP[j * N + i];
+    for (int i = 0; i < N; i++)
+        for (int l = 0; l < N; l++)
+            if (ADDS(A[i * N + l]))
+                add_row(out + i * N, A[i * N + l], turned + l * N);
 }
 
 /* out = F P F' + Q, symmetric */
 INLINE void sandwiched(const double *F, const double *P, const double *Q, double *out)
 {
-    double FP[N * N];
-    dense_product(F, P, FP);
     for (int i = 0; i < N; i++)
         for (int j = 0; j < N; j++)
             out[i * N + j] = 0.5 * (Q[i * N + j] + Q[j * N + i]);
-    add_product_transposed(FP, F, out);
+    add_congruent(F, P, out);
     for (int i = 0; i < N; i++)
         for (int j = 0; j < i; j++)
-            out[j * N + i] = out[i * N + j];
+            out[i * N + j] = out[j * N + i];
 }
 
 /* here v holds a covariance of each member, too, and receives x' and F P F' + Q after a number of
@@ -184,22 +196,18 @@ INLINE void corrected(double *v, long count, long k)
     double *mean = v + count * (N + N * N + k * N + k * k + k), *out = mean + count * N,
            *K = out + count * N * N, *S = K + count * N * k, *square = S + count * k * k;
     for (long member = 0; member < count; member++) {
-        double whitened[MOST_READ];
-        double HP[MOST_READ * N], L[MOST_READ * MOST_READ], left[N * N], half[N * N], after[N * N];
-        for (long r = 0; r < k; r++) {
-            double row[N] = {0};
-            for (int l = 0; l < N; l++)
-                for (int j = 0; j < N; j++)
-                    row[j] += H[r * N + l] * P[l * N + j];
-            memcpy(HP + r * N, row, sizeof row);
-        }
+        double whitened[MOST_READ], L[MOST_READ * MOST_READ], left[N * N], after[N * N] = {0};
+        /* k rows: H P, and of the columns of the gain and of that times R */
+        double HP[MOST_READ * N] = {0}, gain[MOST_READ * N], noisy[MOST_READ * N] = {0};
         for (long r = 0; r < k; r++)
-            for (long c = 0; c < k; c++) {
-                double sum = R[r * k + c];
-                for (int l = 0; l < N; l++)
-                    sum += HP[r * N + l] * H[c * N + l];
-                S[r * k + c] = sum;
-            }
+            for (int l = 0; l < N; l++)
+                if (ADDS(H[r * N + l]))
+                    add_row(HP + r * N, H[r * N + l], P + l * N);
+        memcpy(S, R, k * k * sizeof *S);
+        for (int l = 0; l < N; l++)
+            for (long r = 0; r < k; r++)
+                for (long c = 0; c < k; c++)
+                    S[r * k + c] += HP[r * N + l] * H[c * N + l];
         for (long r = 0; r < k; r++)
             for (long c = 0; c <= r; c++)
                 L[r * k + c] = S[r * k + c] = S[c * k + r] = 0.5 * (S[r * k + c] + S[c * k + r]);
@@ -212,46 +220,39 @@ INLINE void corrected(double *v, long count, long k)
             whitened[r] /= L[r * k + r];
             *square += whitened[r] * whitened[r];
         }
-        for (int j = 0; j < N; j++) {
-            double *row = K + j * k;
-            for (long r = 0; r < k; r++) {
-                double sum = HP[r * N + j];
-                for (long l = 0; l < r; l++)
-                    sum -= L[r * k + l] * row[l];
-                row[r] = sum / L[r * k + r];
-            }
-            for (long r = k - 1; r >= 0; r--) {
-                double sum = row[r];
-                for (long l = r + 1; l < k; l++)
-                    sum -= L[l * k + r] * row[l];
-                row[r] = good ? sum / L[r * k + r] : NAN;
-            }
-            mean[j] = x[j];
-            for (long r = 0; r < k; r++)
-                mean[j] += row[r] * e[r];
-            for (int l = 0; l < N; l++) {
-                double sum = j == l;
-                for (long r = 0; r < k; r++)
-                    sum -= row[r] * H[r * N + l];
-                left[j * N + l] = sum;
-            }
+        memcpy(gain, HP, k * N * sizeof *HP);
+        for (long r = 0; r < k; r++) {
+            for (long l = 0; l < r; l++)
+                add_row(gain + r * N, -L[r * k + l], gain + l * N);
+            for (int j = 0; j < N; j++)
+                gain[r * N + j] /= L[r * k + r];
         }
-        dense_product(left, P, half);
-        memset(after, 0, sizeof after);
-        add_product_transposed(half, left, after);
+        for (long r = k - 1; r >= 0; r--) {
+            for (long l = r + 1; l < k; l++)
+                add_row(gain + r * N, -L[l * k + r], gain + l * N);
+            for (int j = 0; j < N; j++)
+                gain[r * N + j] = good ? gain[r * N + j] / L[r * k + r] : NAN;
+        }
+        memcpy(mean, x, N * sizeof *x);
+        for (long r = 0; r < k; r++) {
+            add_row(mean, e[r], gain + r * N);
+            for (int j = 0; j < N; j++)
+                K[j * k + r] = gain[r * N + j];
+            for (long c = 0; c < k; c++)
+                add_row(noisy + c * N, R[r * k + c], gain + r * N);
+        }
+        for (int j = 0; j < N; j++)
+            for (int l = 0; l < N; l++)
+                left[j * N + l] = j == l;
+        for (int j = 0; j < N; j++)
+            for (long r = 0; r < k; r++)
+                add_row(left + j * N, -gain[r * N + j], H + r * N);
+        add_congruent(left, P, after);
         for (int i = 0; i < N; i++) {
-            double through[MOST_READ];
-            for (long c = 0; c < k; c++) {
-                through[c] = 0;
-                for (long r = 0; r < k; r++)
-                    through[c] += K[i * k + r] * R[r * k + c];
-            }
-            for (int j = 0; j <= i; j++) {
-                double sum = after[i * N + j];
-                for (long c = 0; c < k; c++)
-                    sum += through[c] * K[j * k + c];
-                out[i * N + j] = out[j * N + i] = sum;
-            }
+            for (long c = 0; c < k; c++)
+                add_row(after + i * N, gain[c * N + i], noisy + c * N);
+            for (int j = i; j < N; j++)
+                out[i * N + j] = out[j * N + i] = after[i * N + j];
         }
         x += N, P += N * N, H += k * N, R += k * k, e += k;
         mean += N, out += N * N, K += N * k, S += k * k, square++;

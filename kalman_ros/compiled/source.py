@@ -9,24 +9,8 @@ from typing import Any
 
 import casadi
 
+from .library import HEAD
 from .tracing import Trace
-
-#: Functions marked FAST are compiled for wider registers, too, and loops marked UNROLLED repeated.
-FAST = """/* the processor of this machine may have wider registers than all of its kind */
-#if defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__)
-#define FAST __attribute__((target_clones("avx2", "default")))
-#define INLINE static inline __attribute__((always_inline))
-#define UNROLLED _Pragma("GCC unroll 16")
-#else
-#define FAST
-#define INLINE static inline
-#define UNROLLED
-#endif
-"""
-_HEAD = f"""#include <math.h>
-#include <string.h>
-typedef double real;
-{FAST}"""
 
 
 def places(name: str, result: Any) -> str:
@@ -81,4 +65,4 @@ def source(
     defined = [f'#define {name} {value}\n' for name, value in constants.items()]
     defined += [places(name, trace.result) for name, trace in sparse.items()]
     texts = (files(__package__).joinpath(ending).read_text() for ending in endings)
-    return '\n'.join((_HEAD, generator.dump(), ''.join(defined), *wrappers, *texts))
+    return '\n'.join((HEAD, generator.dump(), ''.join(defined), *wrappers, *texts))

@@ -68,7 +68,7 @@ class SensorSource:
         return carried if carried.trace() > self.sensor.covariance.trace() else None
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Scenario:
     """A model, its sensors, its signals and its rate, built and checked as a whole.
 

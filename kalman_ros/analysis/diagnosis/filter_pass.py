@@ -7,14 +7,17 @@ pass has the results of a filter that processes them in order, and its linearisa
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from math import inf, isnan, nan
 from typing import Any
 
 import numpy as np
 
 from kalman_ros.analysis.records import SensorRecord
+from kalman_ros.compiled.parts import VARIABLE
 from kalman_ros.core import Array, Gaussian, is_finite
 from kalman_ros.core.ordered_data import OrderedData, StepMatrices
 from kalman_ros.estimators import filter_class
@@ -23,6 +26,7 @@ from kalman_ros.estimators.filters.ekf import ExtendedKalmanFilter
 from kalman_ros.estimators.plan import parts
 from kalman_ros.linear.matrices import identity
 from kalman_ros.linear.single import sandwich, scaled
+from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.computed import computed
 
 from .beginning import likeliest
@@ -167,7 +171,7 @@ def _matrices(
     """Return the matrices of a pass in C; None where it needs a step after the other."""
     if isinstance(first, Diffuse):
         return None
-    scenario, data = computed(given.evidence.scenario), given.data
+    scenario, data = _computed(given.evidence.scenario, os.environ.get(VARIABLE)), given.data
     lengths, which = np.unique(data.dt, return_inverse=True)
     counts = np.array([parts(scenario.model, dt) for dt in lengths.tolist()], dtype=int)
     sensors = [scenario.sensors[name].sensor for name in given.names]
@@ -234,11 +238,17 @@ class _Table:
         return [next(each[name]) for name in self._whole['sensor'].tolist()]
 
 
+@lru_cache(maxsize=4)
+def _computed(scenario: Scenario, arithmetic: str | None) -> Scenario:
+    """Return a scenario that is computed with, the same for many passes."""
+    return computed(scenario)
+
+
 def _steps(
     given: _Readings, belief: Gaussian, gate: tuple[str, float] | None = None
 ) -> Iterator[tuple[float, tuple[Event, Array] | None]]:
     """Yield the time of each reading of a pass from a belief, with its event if it is fused."""
-    scenario, data = computed(given.evidence.scenario), given.data
+    scenario, data = _computed(given.evidence.scenario, os.environ.get(VARIABLE)), given.data
     filter, limits = ExtendedKalmanFilter(scenario.model), given.limits(gate)
     sensors = [scenario.sensors[name].sensor for name in given.names]
     known, F, Q, before = False, *_no_step(belief), nan
@@ -288,5 +298,7 @@ def usable(record: SensorRecord) -> Any:
     """Return the mask (N,) of usable readings: finite, with a positive definite covariance."""
     finite: Any = np.isfinite(record.value).all(axis=1) & np.isfinite(record.stamp)
     sound: Any = np.isfinite(record.covariance).all(axis=(1, 2))
-    lowest = np.linalg.eigvalsh(np.where(sound[:, None, None], record.covariance, 0.0))[:, 0]
-    return finite & sound & (lowest > 0.0)
+    R = np.where(sound[:, None, None], record.covariance, 0.0)
+    if (R[:1] == R).all():  # one for all
+        R = R[:1]
+    return finite & sound & (np.linalg.eigvalsh(R)[:, 0] > 0.0)

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from kalman_ros.compiled.recursions import Rows
 from kalman_ros.core import Array
 from kalman_ros.linear.single import whitening
 
@@ -174,6 +175,29 @@ class Passage:
         return float(np.mean(np.square(np.clip(e, -_OUTLIER, _OUTLIER)))) if len(e) else 1.0
 
     @cached_property
+    def rows(self) -> Rows:
+        """The readings in their order, with a row for each of their numbers."""
+        F, sizes = self.series('F'), self.sizes.astype(np.int_)
+        first = np.cumsum(sizes) - sizes
+        count, most, n = int(sizes.sum()), int(sizes.max(initial=0)), F.shape[-1]
+        H, K, white = np.zeros((count, n)), np.zeros((count, n)), np.zeros((count, most))
+        innovation = np.zeros(count)
+        for name in self.names:
+            whitened = self.whitened_of(name)
+            k = whitened.shape[1]
+            at = _rows(first[self.of(name)], k)
+            H[at] = self.series('H', name).reshape(-1, n)
+            K[at] = self.series('K', name).swapaxes(1, 2).reshape(-1, n)
+            white[at, :k] = self.series('white', name).reshape(-1, k)
+            innovation[at] = whitened.ravel()
+        return Rows(F, sizes, first, H, K, white, innovation)
+
+    def rows_of(self, sensor: str) -> Any:
+        """Return the rows of the numbers of a sensor."""
+        of = self.of(sensor)
+        return _rows(self.rows.first[of], int(self.rows.sizes[of[0]]))
+
+    @cached_property
     def _indices(self) -> dict[str, Any]:
         sensor = self.series('sensor')
         return {name: np.flatnonzero(sensor == name) for name in self.names}
@@ -240,6 +264,11 @@ class Passage:
     def squares(self, sensor: str) -> Array:
         """Return the squares e'e of the whitened innovations of a sensor (E,)."""
         return np.asarray(self.square[self.of(sensor)])
+
+
+def _rows(first: Any, k: int) -> Any:
+    """Return k rows from each of the first ones on."""
+    return (first[:, None] + np.arange(k)).ravel()
 
 
 #: Fields and terms of a sensor without an event.

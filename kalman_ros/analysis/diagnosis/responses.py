@@ -15,23 +15,22 @@ the columns are the regressors of the whitened innovations, which are N(0, 1) wi
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import repeat
 from typing import Any
 
 import numpy as np
 
+from kalman_ros.compiled.recursions import respond
 from kalman_ros.core import Array
 
 from .passage import Passage
 
 #: A fit is about right if it changes by less than this share of its standard deviation.
 _PART = 0.3
-#: Number of rows of the regressors that are kept at a time, and of steps.
-_ROWS, _TOGETHER = 4096, 32
+#: Number of readings whose regressors are computed at a time.
+_TOGETHER = 256
 
 
 @dataclass(frozen=True)
@@ -52,12 +51,10 @@ class Pushes:
     def __len__(self) -> int:
         return sum(amount.shape[1] for amount in self.amounts)
 
-    def steps(self) -> Iterator[Array]:
-        """Yield what the columns add to the state over the step to each event (n, p)."""
-        for start in range(0, len(self.effects[0]), _TOGETHER):
-            at = slice(start, start + _TOGETHER)
-            pairs = zip(self.effects, self.amounts)
-            yield from np.concatenate([e[at, :, None] * a[at, None] for e, a in pairs], axis=2)
+    def between(self, begin: int, end: int) -> Array:
+        """Return what the columns add to the state over the steps to some events (E, n, p)."""
+        at, pairs = slice(begin, end), zip(self.effects, self.amounts)
+        return np.concatenate([e[at, :, None] * a[at, None] for e, a in pairs], axis=2)
 
 
 @dataclass(frozen=True)
@@ -98,6 +95,32 @@ class Columns:
         for name, columns in self.offsets.items():
             last[passage.of(name)] = columns.max(axis=1) + 1
         return self.first_offset + np.maximum.accumulate(last)
+
+    def on_readings(self, passage: Passage, begin: int, end: int, width: int) -> Array:
+        """Return the effect of the first columns on the numbers of some readings (R, width)."""
+        rows = passage.rows
+        first = rows.first[begin]
+        Z = np.zeros((int(rows.first[end - 1] + rows.sizes[end - 1] - first), width))
+        for name in passage.names:
+            of = passage.of(name)
+            some = slice(*np.searchsorted(of, (begin, end)).tolist())
+            at = rows.first[of[some]] - first
+            if not len(at):
+                continue
+            at = (at[:, None] + np.arange(rows.sizes[of[0]])).ravel()
+            for start, readings in self.readings.get(name, ()):
+                count = readings.shape[2]
+                Z[at, start : start + count] += readings[some].reshape(-1, count)
+            if name in self.offsets:
+                Z[at, self.first_offset + self.offsets[name][some].ravel()] += 1.0
+        return Z
+
+    def on_steps(self, begin: int, end: int, size: int) -> tuple[Array, int]:
+        """Return the effect of columns on the steps to some readings (E, n, q), and the first."""
+        parts = [] if self.pushes is None else [self.pushes.between(begin, end)]
+        parts += [] if self.state is None else [self.state[begin:end]]
+        added = np.concatenate([np.zeros((end - begin, size, 0)), *parts], axis=2)
+        return added, self.first_offset - added.shape[2]
 
 
 @dataclass(frozen=True)
@@ -183,48 +206,15 @@ def fitted(gradient: Array, information: Array) -> Fit:
 
 def responses(passage: Passage, columns: Columns) -> Responses:
     """Return the regression of the innovations of a filter pass on the columns."""
-    p, pushes, state = len(columns.labels), columns.pushes, columns.state
-    counts, offsets = columns.count(passage), columns.first_offset
-    last = offsets - (0 if state is None else state.shape[2])
-    first = last - (0 if pushes is None else len(pushes))
-    added = repeat(0.0) if pushes is None else pushes.steps()
-    seen = Counter[str]()
+    p, counts = len(columns.labels), columns.count(passage)
     gradient, information = np.zeros(p), np.zeros((p, p))
-    rows = _ROWS + max(map(len, passage.whitened), default=0)
     error = np.zeros((passage.series('x').shape[1], 0))
-    memory, whitened, row = np.empty(rows * p), np.empty(rows), 0
-    Z = memory[:0].reshape(rows, 0)
-
-    def take() -> None:
-        count = Z.shape[1]
-        gradient[:count] += Z[:row].T @ whitened[:row]
-        information[:count, :count] += Z[:row].T @ Z[:row]
-
-    each = zip(passage.events, passage.whitened, added, counts.tolist())
-    for index, (event, e, pushed, count) in enumerate(each):
-        if count > error.shape[1]:
-            take()
-            error = np.pad(error, ((0, 0), (0, count - error.shape[1])))
-            Z, row = memory[: rows * count].reshape(rows, count), 0
-        error = event.F.dot(error)
-        error[:, first:last] += pushed
-        if state is not None:
-            error[:, last:offsets] += state[index]
-        response = event.H.dot(error)
-        row_of_sensor = seen[event.sensor]
-        seen[event.sensor] += 1
-        for begin, readings in columns.readings.get(event.sensor, ()):
-            response[:, begin : begin + readings.shape[2]] += readings[row_of_sensor]
-        if event.sensor in columns.offsets:
-            at = offsets + columns.offsets[event.sensor][row_of_sensor]
-            response[range(len(e)), at] += 1.0
-        error -= event.K.dot(response)
-        end = row + len(e)
-        event.white.dot(response, out=Z[row:end])
-        whitened[row:end] = e
-        row = end
-        if row >= _ROWS:
-            take()
-            row = 0
-    take()
+    for begin in range(0, len(counts), _TOGETHER):
+        end = min(begin + _TOGETHER, len(counts))
+        rows, width = passage.rows.between(begin, end), int(counts[end - 1])
+        error = np.pad(error, ((0, 0), (0, width - error.shape[1])))
+        Z = columns.on_readings(passage, begin, end, width)
+        respond(rows, *columns.on_steps(begin, end, len(error)), error, Z)
+        gradient[:width] += Z.T @ rows.innovation
+        information[:width, :width] += Z.T @ Z
     return Responses(columns.labels, gradient, information)

@@ -12,16 +12,17 @@ scatter less than their noise, and less a drawn one they scatter as they should.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from kalman_ros.compiled.recursions import Errors, follow
 from kalman_ros.core import Array
 from kalman_ros.linear import single
 from kalman_ros.linear.matrices import symmetric
 
-from .passage import Passage, whitener
+from .passage import Passage
 
 #: Trial factors of the densities that a coarser fit found, from the middle outwards.
 _STEP, _MOST = 4.0, 4
@@ -84,27 +85,20 @@ class _Steps(NamedTuple):
 
     Parameters
     ----------
-    H, R, innovation
-        Jacobian (k, n + c) of each reading, its covariance, and the innovation of the pass.
-    moved
-        How far the pass moves its estimate at each event (E, n + c).
-    F, Q
-        Step to each event (E, n + c, n + c), without that of the sensor's error.
+    errors
+        Innovations of the pass, with the error of n states and of c numbers of the sensor, whose
+        step is missing.
     dt, first
-        Duration of these steps (E,), and the covariance of the state at the first event.
-    rows
-        Events of the sensor.
+        Duration of the steps (E,), and the covariance of the state at the first event (n, n).
+    events, rows
+        Events of the sensor, and the rows of its readings.
     """
 
-    H: list[Array]
-    R: list[Array]
-    innovation: list[Array]
-    moved: Array
-    F: Array
-    Q: Array
+    errors: Errors
     dt: Array
     first: Array
-    rows: Array
+    events: Any
+    rows: Any
 
 
 def _steps(passage: Passage, sensor: str, coordinates: Sequence[int]) -> _Steps:
@@ -115,18 +109,20 @@ def _steps(passage: Passage, sensor: str, coordinates: Sequence[int]) -> _Steps:
     F[:, :n, :n], Q[:, :n, :n] = passage.series('F'), passage.series('Q')
     moved = np.zeros((E, size))
     moved[:, :n] = passage.corrections
-    H, R, innovation = ([np.zeros(0)] * E for _ in range(3))
+    known = passage.rows
+    H = np.zeros((len(known.H), size))
+    H[:, :n] = known.H
+    R, innovation = np.zeros(known.white.shape), np.zeros(len(H))
     for name in passage.names:
-        known = passage.series('H', name)
-        larger = np.concatenate((known, np.zeros((*known.shape[:2], size - n))), axis=2)
-        if name == sensor:
-            larger[:, list(coordinates), n + np.arange(size - n)] = 1.0
-        each = zip(larger, passage.series('R', name), passage.series('innovation', name))
-        for row, values in zip(passage.of(name).tolist(), each):
-            H[row], R[row], innovation[row] = values
+        at, k = passage.rows_of(name), passage.series('R', name).shape[-1]
+        R[at, :k] = passage.series('R', name).reshape(-1, k)
+        innovation[at] = passage.series('innovation', name).ravel()
+    rows = passage.rows_of(sensor)
+    for offset, coordinate in enumerate(coordinates):
+        H[known.first[passage.of(sensor)] + coordinate, n + offset] = 1.0
+    errors = Errors(F, Q, known.sizes, known.first, H, R, innovation, moved)
     first = passage.series('P')[0]
-    rows = passage.of(sensor)
-    return _Steps(H, R, innovation, moved, F, Q, passage.series('dt'), first, rows)
+    return _Steps(errors, passage.series('dt'), first, passage.of(sensor), rows)
 
 
 def likeliest(
@@ -232,52 +228,42 @@ class _Error:
         white: float = 1.0,
         start: Array | None = None,
     ) -> None:
-        self._steps, self._n = steps, len(steps.first)
         kept, added = _decayed(steps.dt, decay)
-        offsets = self._n + np.arange(len(density))
-        self._F, self._Q = steps.F.copy(), steps.Q.copy()
-        self._F[:, offsets, offsets] = kept[:, None]
-        self._Q[:, self._n :, self._n :] = added[:, None, None] * density
-        of_sensor = np.isin(np.arange(len(steps.R)), steps.rows)
-        self._R = [white * R if mine else R for R, mine in zip(steps.R, of_sensor.tolist())]
+        n = self._n = len(steps.first)
+        F, Q, R = steps.errors.F.copy(), steps.errors.Q.copy(), steps.errors.R.copy()
+        offsets = n + np.arange(len(density))
+        F[:, offsets, offsets] = kept[:, None]
+        Q[:, n:, n:] = added[:, None, None] * density
+        R[steps.rows] *= white
         before = _decayed(np.array([np.inf if decay else _BEFORE]), decay)[1][0]
-        self._start = before * density if start is None else start
-        self.misfit = sum(misfit for misfit, _, _ in self._filter())
-
-    def _filter(self) -> Iterator[tuple[float, Array, Array]]:
-        """Yield the misfit of each event, and the mean and covariance after it."""
-        steps, n = self._steps, self._n
-        m, P = np.zeros(len(self._F[0])), np.zeros(self._F[0].shape)
-        P[:n, :n], P[n:, n:] = steps.first, self._start
-        F_next, Q_next = (np.roll(each, -1, axis=0) for each in (self._F, self._Q))
-        for H, R, nu, F, Q, moved in zip(
-            steps.H, self._R, steps.innovation, F_next, Q_next, steps.moved
-        ):
-            PH = P.dot(H.T)
-            white, log_size = whitener(H.dot(PH) + R)
-            e = white.dot(nu - H.dot(m))
-            gain = PH.dot(white.T)
-            m, P = m + gain.dot(e), P - gain.dot(gain.T)
-            yield float(e.dot(e)) + log_size, m, P
-            m, P = F.dot(m - moved), symmetric(F.dot(P).dot(F.T) + Q)
+        self._start = np.zeros(F.shape[1:])
+        self._start[:n, :n] = steps.first
+        self._start[n:, n:] = before * density if start is None else start
+        self._errors, self._events = steps.errors._replace(F=F, Q=Q, R=R), steps.events
+        self.misfit = follow(self._errors, self._start)
 
     def path(self) -> Array:
         """Return a path (E, c) at the events of the sensor, drawn given all readings."""
-        rng, n, moved = np.random.default_rng(_SEED), self._n, self._steps.moved
-        beliefs = [(m, P) for _, m, P in self._filter()]
-        drawn = _draw(rng, *beliefs[-1])
+        rng, n, errors = np.random.default_rng(_SEED), self._n, self._errors
+        means, covariances = beliefs = np.empty(errors.F.shape[:2]), np.empty(errors.F.shape)
+        follow(errors, self._start, beliefs)
+        drawn = _draw(rng, means[-1], covariances[-1])
         offsets = [drawn[n:]]
-        for index in reversed(range(len(beliefs) - 1)):
-            (m, P), F, Q = beliefs[index], self._F[index + 1], self._Q[index + 1]
+        for index in reversed(range(len(means) - 1)):
+            (m, P), F, Q = (
+                (means[index], covariances[index]),
+                errors.F[index + 1],
+                errors.Q[index + 1],
+            )
             after = symmetric(F.dot(P).dot(F.T) + Q)
             back = _solved(after, F @ P).T
             # Joseph's form, in which nothing cancels
             left = np.eye(len(m)) - back @ F
             covariance = left @ P @ left.T + back @ Q @ back.T
-            drawn = _draw(rng, m + back @ (drawn - F @ (m - moved[index])), covariance)
+            drawn = _draw(rng, m + back @ (drawn - F @ (m - errors.moved[index])), covariance)
             offsets.append(drawn[n:])
         whole: Array = np.array(offsets[::-1])
-        return np.asarray(whole[self._steps.rows])
+        return np.asarray(whole[self._events])
 
 
 def _decayed(dt: Array, decay: float) -> tuple[Array, Array]:
