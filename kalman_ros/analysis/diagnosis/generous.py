@@ -206,4 +206,4 @@ def _scale(
     near = peak(along, middle - ratio, middle, middle + ratio)
     factor, std = sign * exp(near[1]), deviation(along, *near)
     if std < _KNOWN:
-        yield scaled(case, name, group, factor, abs(factor) * std, 0.0)
+        yield scaled(case, (name,), group, factor, abs(factor) * std, 0.0)

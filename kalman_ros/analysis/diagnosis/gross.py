@@ -83,7 +83,7 @@ def _signs(case: Examination) -> Iterator[Finding]:
     for name in case.judged:
         space = case.evidence.scenario.sensors[name].sensor.output
         for index in range(space.size):
-            yield scaled(case, name, (index,), -1.0, 0.0, 0.0)
+            yield scaled(case, (name,), (index,), -1.0, 0.0, 0.0)
         if space.size == 2 and space.units[0] == space.units[1]:
             yield axes_exchanged(case, name, (1, 0), 0.0)
 
@@ -141,7 +141,7 @@ def _candidates(case: Examination) -> Iterator[Finding]:
             sensible = conversions(space, group)
             usual = _usual_factors(sensible)
             for factor in dict.fromkeys((*usual, *_by_size(case, name, group, sensible))):
-                yield scaled(case, name, group, factor, 0.0, 0.0)
+                yield scaled(case, (name,), group, factor, 0.0, 0.0)
         if space.size == 2:
             yield axes_exchanged(case, name, (1, 0), 0.0)
         yield from _turned_or_exchanged(case, name)

@@ -56,7 +56,7 @@ def within(case: Examination, name: str, group: tuple[int, ...], turn: Array) ->
 
 
 def _gain_of(case: Examination, name: str, M: Array) -> float:
-    return replaced(case, name, M)[0]
+    return replaced(case, (name,), M)[0]
 
 
 def _find_swap(case: Examination, name: str, size: int) -> list[Finding]:

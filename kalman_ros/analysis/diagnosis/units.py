@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import reduce
 from math import log, pi
 from typing import Any
 
@@ -80,14 +81,14 @@ def find(case: Examination) -> list[Finding]:
         output = case.evidence.scenario.sensors[name].sensor.output
         whole = tuple(range(output.size))
         for group in dict.fromkeys((*groups(output), whole)):
-            fit = _fit(case, name, group)
+            fit = share(case, (name,), group)
             if fit is None:
                 continue
             factor, std = 1.0 - float(fit.size[0]), float(fit.std[0])
             relevant = abs(factor - 1.0) > max(_RELEVANT, 4.0 * std)
             if fit.gain > CHANCE * _inflation(case, name) and relevant:
                 factor, std = _likeliest_factor(case, name, group, factor, std)
-                findings.append(scaled(case, name, group, factor, std, fit.gain))
+                findings.append(scaled(case, (name,), group, factor, std, fit.gain))
         findings += _temperatures(case, name)
         findings += _asymmetries(case, name)
     return findings
@@ -166,13 +167,15 @@ def _temperature(
     )  # fmt: skip
 
 
-def _fit(case: Examination, name: str, group: Sequence[int]) -> Fit | None:
-    """Return the fit of by how much a group of coordinates is too large, as a share."""
-    by_coordinate = [case.responses.columns('mix', name, str(i), str(i)) for i in group]
+def share(case: Examination, names: Sequence[str], group: Sequence[int]) -> Fit | None:
+    """Return the fit of by how much coordinates of some sensors are too large, as a share."""
+    by_coordinate = [
+        case.responses.columns('mix', name, str(i), str(i)) for name in names for i in group
+    ]
     if not all(by_coordinate):
         return None
     together = [column for columns in by_coordinate for column in columns]
-    return case.responses.fit(np.ones((len(group), 1)), together)
+    return case.responses.fit(np.ones((len(together), 1)), together)
 
 
 def groups(space: Space) -> list[tuple[int, ...]]:
@@ -186,6 +189,13 @@ def label_of(case: Examination, name: str, group: Sequence[int]) -> str:
     if len(group) == len(names) > 1:
         return name
     return f'{name}.{",".join(names[index] for index in group)}'
+
+
+def subject(case: Examination, names: Sequence[str], group: Sequence[int]) -> str:
+    """Return the names of sensors, with coordinates unless several have no others."""
+    space = case.evidence.scenario.sensors[names[0]].sensor.output
+    whole = len(names) > 1 and len(group) == space.size
+    return ' and '.join(name if whole else label_of(case, name, group) for name in names)
 
 
 def _inflation(case: Examination, name: str) -> float:
@@ -205,7 +215,7 @@ def _likeliest_factor(
     """
 
     def gain(trial: float) -> float:
-        return replaced(case, name, scaling(case, name, group, trial))[0]
+        return replaced(case, (name,), scaling(case, name, group, trial))[0]
 
     if abs(factor) < 1e-6:
         factor = 1e-6
@@ -233,39 +243,40 @@ def scaling(case: Examination, name: str, group: tuple[int, ...], factor: float)
     return M
 
 
-def replaced(case: Examination, name: str, M: Array) -> tuple[float, float]:
-    """Return the gain to first order if the readings y of a sensor become M y, and its dues.
+def replaced(case: Examination, names: Sequence[str], M: Array) -> tuple[float, float]:
+    """Return the gain to first order if the readings y of some sensors become M y, and its dues.
 
     The density of y is the density of M y times |det M|, so that smaller readings alone are no
     gain. The dues are -2 log |det M| for each reading.
     """
-    columns = case.responses.columns('read', name)
-    size = (np.eye(len(M)) - M).ravel()
+    columns = [column for name in names for column in case.responses.columns('read', name)]
+    size = np.tile((np.eye(len(M)) - M).ravel(), len(names))
     information = case.responses.information[np.ix_(columns, columns)]
     gain = float(2.0 * size @ case.responses.gradient[columns] - size @ information @ size)
-    dues = -2.0 * len(case.passage.of(name)) * float(np.linalg.slogdet(M)[1])
+    count = sum(len(case.passage.of(name)) for name in names)
+    dues = -2.0 * count * float(np.linalg.slogdet(M)[1])
     return gain - dues, dues
 
 
 def scaled(
     case: Examination,
-    name: str,
+    names: tuple[str, ...],
     group: tuple[int, ...],
     factor: float,
     std: float,
     gain: float,
     behind: bool = False,
 ) -> Finding:
-    """Return the finding that a group of coordinates must be multiplied by a ``factor``.
+    """Return the finding that coordinates of some sensors must be multiplied by a ``factor``.
 
     The noise arises before the wrong scale, and grows with it, or ``behind`` it.
     """
-    evidence = case.evidence
+    evidence, name = case.evidence, names[0]
     space, index = evidence.scenario.sensors[name].sensor.output, group[0]
-    label = label_of(case, name, group)
+    label = subject(case, names, group)
     kind, factor, cause = classified(factor, std, conversions(space, group))
     M = scaling(case, name, group, factor)
-    exact_gain, dues = replaced(case, name, M)
+    exact_gain, dues = replaced(case, names, M)
     record = evidence.sensors[name]
     times = record.stamp - evidence.start
     curves = (
@@ -274,20 +285,28 @@ def scaled(
     )
 
     def again(after: Examination) -> Finding | None:
-        fit = _fit(after, name, group)
+        fit = share(after, names, group)
         if fit is None or not fit.remains:
             return None
         nearer = factor * (1.0 - float(fit.size[0]))
-        return scaled(case, name, group, nearer, factor * float(fit.std[0]), gain, behind)
+        return scaled(case, names, group, nearer, abs(factor) * float(fit.std[0]), gain, behind)
 
-    either = kind == 'scale' and not behind
+    def mended() -> Evidence:
+        return reduce(lambda before, name: mixed(before, name, M, behind), names, evidence)
+
+    alone = len(names) == 1
+    changes = [mixing(evidence, name, M, behind) for name in names]
+    change = {key: value for each in changes for key, value in each.items()}
+    shared = ' A parameter that they share, such as the radius of wheels, does the same.'
     return Finding(
-        kind, label, f'readings of {label} fit the model once multiplied by {factor:.4g}{cause}.',
-        gain**0.5, mixing(evidence, name, M, behind), gain=max(gain, exact_gain), dues=dues,
-        figure=Figure(f'{label}: scale', 'time [s]', space.names[index], curves),
-        mended=lambda: mixed(evidence, name, M, behind),
+        kind, label,
+        f'readings of {label} fit the model once {"" if alone else "all are "}multiplied by '
+        f'{factor:.4g}{cause}.{"" if alone or kind != "scale" else shared}',
+        max(gain, 0.0)**0.5, change if all(changes) else {}, gain=max(gain, exact_gain), dues=dues,
+        figure=Figure(f'{label}: scale', 'time [s]', space.names[index], curves), mended=mended,
         again=again if kind == 'scale' else None,
-        instead=(lambda: scaled(case, name, group, factor, std, gain, True)) if either else None,
+        instead=(lambda: scaled(case, names, group, factor, std, gain, True))
+        if alone and kind == 'scale' and not behind else None,
     )  # fmt: skip
 
 
