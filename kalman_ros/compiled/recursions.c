@@ -4,6 +4,19 @@
  * transpose of K and of a matrix that whitens for each of their numbers.
  */
 
+/* C += A B for A of rows times n numbers, many of which are zero, and B of n times columns */
+INLINE void add_product(long rows, long n, long columns, const double *A, const double *B, double *C)
+{
+    for (long i = 0; i < rows; i++)
+        for (long l = 0; l < n; l++) {
+            const double a = A[i * n + l], *from = B + l * columns;
+            double *to = C + i * columns;
+            if (a != 0)
+                for (long j = 0; j < columns; j++)
+                    to[j] += a * from[j];
+        }
+}
+
 /* The mean errors of n states by p faults, and what they change in count readings of k numbers each:
  * an error becomes F times itself, and what a step adds to q of the faults from the first one on; a
  * reading is changed by H times it, and by what Z has, and corrects it by K. Z receives the changes,
@@ -14,38 +27,20 @@ FAST void respond(long count, long n, long p, const double *F, const long *k, co
 {
     for (long at = 0; at < count; at++, F += n * n, added += n * q) {
         memcpy(room, error, n * p * sizeof *error);
-        for (long i = 0; i < n; i++) {
-            double *to = error + i * p;
-            memset(to, 0, p * sizeof *to);
-            for (long l = 0; l < n; l++) {
-                const double f = F[i * n + l], *from = room + l * p;
-                if (f != 0)
-                    for (long j = 0; j < p; j++)
-                        to[j] += f * from[j];
-            }
-            for (long j = 0; j < q; j++)
-                to[first + j] += added[i * q + j];
-        }
-        for (long r = 0; r < k[at]; r++)
-            for (long l = 0; l < n; l++) {
-                const double h = H[r * n + l], *from = error + l * p;
-                if (h != 0)
-                    for (long j = 0; j < p; j++)
-                        Z[r * p + j] += h * from[j];
-            }
+        memset(error, 0, n * p * sizeof *error);
+        add_product(n, n, p, F, room, error);
         for (long i = 0; i < n; i++)
-            for (long r = 0; r < k[at]; r++) {
-                const double gain = K[r * n + i];
-                if (gain != 0)
-                    for (long j = 0; j < p; j++)
-                        error[i * p + j] -= gain * Z[r * p + j];
-            }
+            for (long j = 0; j < q; j++)
+                error[i * p + first + j] += added[i * q + j];
+        add_product(k[at], n, p, H, error, Z);
+        for (long r = 0; r < k[at]; r++)
+            for (long i = 0; i < n; i++)
+                for (long j = 0; j < p; j++)
+                    error[i * p + j] -= K[r * n + i] * Z[r * p + j];
         for (long r = k[at] - 1; r >= 0; r--) { /* from below, since a row takes those above it */
             for (long j = 0; j < p; j++)
                 Z[r * p + j] *= white[r * m + r];
-            for (long l = 0; l < r; l++)
-                for (long j = 0; j < p; j++)
-                    Z[r * p + j] += white[r * m + l] * Z[l * p + j];
+            add_product(1, r, p, white + r * m, Z, Z + r * p);
         }
         H += k[at] * n, K += k[at] * n, white += k[at] * m, Z += k[at] * p;
     }
@@ -56,20 +51,12 @@ INLINE void stepped(long n, const double *F, const double *Q, double *P, double 
 {
     double *FP = room, *turned = room + n * n;
     memset(FP, 0, n * n * sizeof *FP);
-    for (long i = 0; i < n; i++)
-        for (long l = 0; l < n; l++)
-            if (F[i * n + l] != 0)
-                for (long j = 0; j < n; j++)
-                    FP[i * n + j] += F[i * n + l] * P[l * n + j];
+    add_product(n, n, n, F, P, FP);
     for (long i = 0; i < n; i++)
         for (long j = 0; j < n; j++)
             turned[j * n + i] = FP[i * n + j];
     memcpy(P, Q, n * n * sizeof *P);
-    for (long i = 0; i < n; i++)
-        for (long l = 0; l < n; l++)
-            if (F[i * n + l] != 0)
-                for (long j = 0; j < n; j++)
-                    P[i * n + j] += F[i * n + l] * turned[l * n + j];
+    add_product(n, n, n, F, turned, P);
     for (long i = 0; i < n; i++)
         for (long j = 0; j < i; j++)
             P[i * n + j] = P[j * n + i] = 0.5 * (P[i * n + j] + P[j * n + i]);
@@ -91,20 +78,13 @@ FAST double follow(long count, long n, const double *F, const double *Q, const l
             F += n * n, Q += n * n;
             for (long i = 0; i < n; i++)
                 last[i] = x[i] - moved[i];
-            for (long i = 0; i < n; i++) {
-                x[i] = 0;
-                for (long l = 0; l < n; l++)
-                    x[i] += F[i * n + l] * last[l];
-            }
+            memset(x, 0, n * sizeof *x);
+            add_product(n, n, 1, F, last, x);
             stepped(n, F, Q, P, rest);
             moved += n;
         }
         memset(W, 0, size * n * sizeof *W);
-        for (long r = 0; r < size; r++)
-            for (long l = 0; l < n; l++)
-                if (H[r * n + l] != 0)
-                    for (long j = 0; j < n; j++)
-                        W[r * n + j] += H[r * n + l] * P[l * n + j];
+        add_product(size, n, n, H, P, W);
         for (long r = 0; r < size; r++) { /* e = L^-1 of what is left, and W = L^-1 H P */
             e[r] = innovation[r];
             for (long l = 0; l < n; l++)
