@@ -60,7 +60,9 @@ def _imported(folder: str) -> RecordingSet:
     return RecordingSet(recordings.TABLE, systems.SYSTEMS, messages.FORMS)
 
 
-_OTHERS = 'second', 'third', 'fourth', 'fifth', 'sixth', 'seventh', 'eighth', 'real'
+_OTHERS = (
+    'second', 'third', 'fourth', 'fifth', 'sixth', 'seventh', 'eighth', 'ninth', 'real',
+)  # fmt: skip
 SETS = {'first': _imported(''), **{name: _imported(f'.{name}') for name in _OTHERS}}
 #: The recordings of all sets.
 RECORDINGS = {name: each for some in SETS.values() for name, each in some.recordings.items()}
