@@ -34,6 +34,7 @@ GROUPS = {
     'replay': 'replays',
     'record': 'recording_cost',
     'tune': 'fits',
+    'doctor': 'diagnoses',
     'arrays': 'arrays',
 }
 
