@@ -89,6 +89,9 @@ class BeliefColumns:
     def __init__(self, size: int) -> None:
         self._rows = Rows(time=(1,), mean=(size,), covariance=(size, size))
 
+    def __len__(self) -> int:
+        return len(self._rows)
+
     def add(self, time: float, belief: Gaussian) -> None:
         """Add a belief at a time in seconds."""
         self._rows.append(np.array((time,)), belief.mean, belief.covariance)

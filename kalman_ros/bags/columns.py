@@ -31,6 +31,9 @@ class Rows:
         self._file: IO[bytes] | None = None
         self._count = 0
 
+    def __len__(self) -> int:
+        return self._count
+
     def append(self, *values: Array | None) -> None:
         """Append a row; a field is NaN where its value is None, or has another size."""
         self._rows += b''.join(

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from math import inf
 from pathlib import Path
@@ -153,7 +153,7 @@ def replay_bag(
     progress: Callable[[float], None] | None = None,
 ) -> Replayed:
     """Replay a recording that is open; see `replay`."""
-    limits = bag.limits(start, end)
+    bag.limits(start, end)
     if out is not None:
         source, folder = bag.path.resolve(), Path(out).resolve()
         if folder in (source, source.parent):
@@ -170,37 +170,13 @@ def replay_bag(
     readers = [reader for reader in (known, other) if reader is not None]
     if readers and settings.options.publish_rate and not feed.lockstep:
         feed.notes.append(_AT_TICKS)
-    topics = [*feed.topics, *(reader.topic for reader in readers)]
-    count, received = 0, 0
     with ExitStack() as stack:
         if out is not None:
             writer = stack.enter_context(RecordingWriter(out, replace=True))
             feed.recording = EstimateRecording(writer, feed.settings, resolve, feed.origin)
-        messages: Iterable[Message]
-        if feed.lockstep:
-            messages = steps = Steps(bag.messages(topics), resolve(TICK), start, end)
-        else:
-            messages = bag.messages(topics, *limits)
-        for message in messages:
-            count += 1
-            received = message.time
-            if feed.start is None:
-                feed.start = steps.origin
-            for reader in readers:
-                if message.topic == reader.topic:
-                    reader(message.data)
-            if not readers or message.topic in feed.topics:
-                feed(message)
-            if progress is not None and count % _REPORT == 0:
-                progress(seconds(received, bag.start) - start)
-    beliefs = feed.beliefs.result()
-    if feed.start is None or not count or (feed.lockstep and not len(beliefs.time)):
-        names = ', '.join(feed.topics)
-        raise ValueError(
-            f'nothing could be replayed from {bag.path}: {count} messages on {names}'
-            f'{_out_of_step(feed)}'
-        )
-    believed = feed.settings.scenario.believed
+        received = _pass_messages(feed, readers, bag, resolve(TICK), start, end, progress)
+    assert feed.start is not None  # a message was passed
+    beliefs, believed = feed.beliefs.result(), feed.settings.scenario.believed
     return Replayed(
         scenario=feed.settings.scenario,
         start=feed.start,
@@ -223,6 +199,50 @@ def replay_bag(
         notes=(*bag.damage, *feed.notes),
         arithmetic=feed.fuser.arithmetic,
     )
+
+
+def _pass_messages(
+    feed: Feed,
+    readers: Sequence[_TruthReader | PoseReader],
+    bag: Bag,
+    tick: str,
+    start: float,
+    end: float,
+    progress: Callable[[float], None] | None,
+) -> int:
+    """Pass the messages of a part to the feed and to the readers; return when the last one came.
+
+    Raises
+    ------
+    ValueError
+        If there is none, or no step of a recording in lockstep.
+    """
+    topics = [*feed.topics, *(reader.topic for reader in readers)]
+    count, received = 0, 0
+    messages: Iterable[Message]
+    if feed.lockstep:
+        messages = steps = Steps(bag.messages(topics), tick, start, end)
+    else:
+        messages = bag.messages(topics, *bag.limits(start, end))
+    for message in messages:
+        count += 1
+        received = message.time
+        if feed.start is None:
+            feed.start = steps.origin
+        for reader in readers:
+            if message.topic == reader.topic:
+                reader(message.data)
+        if not readers or message.topic in feed.topics:
+            feed(message)
+        if progress is not None and count % _REPORT == 0:
+            progress(seconds(received, bag.start) - start)
+    if feed.start is None or not count or (feed.lockstep and not feed.beliefs):
+        names = ', '.join(feed.topics)
+        raise ValueError(
+            f'nothing could be replayed from {bag.path}: {count} messages on {names}'
+            f'{_out_of_step(feed)}'
+        )
+    return received
 
 
 def _truth_reader(settings: Settings, bag: Bag, topic: str) -> _TruthReader | PoseReader:
