@@ -85,39 +85,24 @@ def run(
         return None
     if data.inputs.shape[1:] != model._c_shapes[1]:
         return None
-    alive: list[Any] = []
-
-    def at(values: Any, kind: Any = np.float64) -> int:
-        alive.append(np.ascontiguousarray(values, dtype=kind))
-        return int(alive[-1].ctypes.data)
-
+    memory = _Memory()
     structures, outputs = (_Sensor * len(sensors))(), []
     for structure, sensor, y, R, limit in zip(
         structures, sensors, data.readings, data.covariances, limits
     ):
-        count, k = y.shape
-        if k > most_read or k != sensor.output.size:
+        if y.shape[1] > most_read:
             return None
-        more = count if kept else 1  # matrices that are not kept need room for one
-        found = ReadingMatrices(
-            *map(np.empty, ((more, k, n), (more, n, k), (count, k, k))),
-            *map(np.empty, ((count, k), (more, k, k), more, (more, k))),
-        )
-        functions = _functions(sensor, n)
-        if functions is None:
+        found = _fill(structure, memory, sensor, y, R, n, kept)
+        if found is None:
             return None
-        structure.sensed, structure.subtract, numbers = functions
-        structure.p = numbers if isinstance(numbers, int) else at(numbers)
-        structure.turns, structure.limit, structure.k = at(turns(sensor.output)), limit, k
-        structure.y, structure.R = at(y), at(R)
-        for name, values in found._asdict().items():
-            setattr(structure, name, values.ctypes.data)
+        structure.limit = limit
         outputs.append(found)
     # one more, for a step to a reading that is not fused
     steps = 1 + (int(np.count_nonzero(data.sensor >= 0)) if kept else 0)
     F, Q, covariance = np.empty((3, steps, n, n))
     predicted, fused = np.empty((steps, n)), np.zeros(length, dtype=bool)
     after = x.copy(), P.copy()
+    at = memory.at
     sequence = _Sequence(
         length, at(data.dt), at(parts, ctypes.c_long), at(data.input, ctypes.c_long),
         at(data.inputs), at(data.sensor, ctypes.c_long), ctypes.addressof(structures),
@@ -135,6 +120,43 @@ def run(
             for found, count in zip(outputs, counts)
         ],
     )  # fmt: skip
+
+
+class _Memory:
+    """Arrays that C reads, which live as long as this."""
+
+    def __init__(self) -> None:
+        self._arrays: list[Any] = []
+
+    def at(self, values: Any, kind: Any = np.float64) -> int:
+        """Return the address of numbers, of a copy unless they are contiguous and of a kind."""
+        self._arrays.append(np.ascontiguousarray(values, dtype=kind))
+        return int(self._arrays[-1].ctypes.data)
+
+
+def _fill(
+    structure: _Sensor, memory: _Memory, sensor: Any, y: Array, R: Array, n: int, kept: bool
+) -> ReadingMatrices | None:
+    """Fill in the structure of a sensor, and return the matrices that it receives.
+
+    None if the sensor cannot be read in C.
+    """
+    count, k = y.shape
+    functions = _functions(sensor, n) if k == sensor.output.size else None
+    if functions is None:
+        return None
+    more = count if kept else 1  # matrices that are not kept need room for one
+    found = ReadingMatrices(
+        *map(np.empty, ((more, k, n), (more, n, k), (count, k, k))),
+        *map(np.empty, ((count, k), (more, k, k), more, (more, k))),
+    )
+    structure.sensed, structure.subtract, numbers = functions
+    structure.p = numbers if isinstance(numbers, int) else memory.at(numbers)
+    structure.turns, structure.k = memory.at(turns(sensor.output)), k
+    structure.y, structure.R = memory.at(y), memory.at(R)
+    for name, values in found._asdict().items():
+        setattr(structure, name, values.ctypes.data)
+    return found
 
 
 def _functions(sensor: Any, n: int) -> tuple[int, int, Any] | None:
