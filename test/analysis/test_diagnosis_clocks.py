@@ -53,6 +53,43 @@ def test_inputs_from_the_future_are_an_offset_of_their_clock(spring):
     np.testing.assert_allclose(found.mended().inputs.stamp, late.inputs.received, atol=1e-9)
 
 
+@pytest.mark.parametrize('seconds', [0.25, -0.6])
+def test_a_clock_that_is_set_is_an_offset_from_then_on(spring, seconds):
+    name, record = 'position', spring.sensors['position']
+    late = np.arange(len(record)) >= 80
+    set_once = spring.with_sensor(name, replace(record, stamp=record.stamp + seconds * late))
+    assert [each for each in stamps.find(Examination(spring, strict=False)) if not each.note] == []
+    (found,) = of_clocks(set_once)
+    when = record.received[80] - spring.start
+    assert f'jump by {seconds:+.3g} s against the recorder at t = {when:.3g} s' in found.sentence
+    np.testing.assert_allclose(found.mended().sensors[name].stamp, record.stamp, atol=1e-3)
+    # one that is right from then on was wrong before
+    right_later = spring.with_sensor(name, replace(record, stamp=record.stamp + seconds * ~late))
+    (found,) = of_clocks(right_later)
+    assert f'jump by {-seconds:+.3g} s' in found.sentence
+    np.testing.assert_allclose(found.mended().sensors[name].stamp, record.stamp, atol=1e-3)
+
+
+def test_a_network_that_becomes_slower_leaves_stamps_right(spring):
+    name, record = 'position', spring.sensors['position']
+    late = np.arange(len(record)) >= 80
+    slower = replace(record, received=record.received + 0.25 * late)
+    assert of_clocks(spring.with_sensor(name, slower)) == []
+
+
+def test_a_jump_is_told_from_a_drift_and_from_jitter():
+    rng, count = np.random.default_rng(0), 200
+    step = np.where(np.arange(count) < 60, 0.0, 0.1)
+    found = stamps._jump(step + 0.005 * rng.uniform(size=count))
+    assert found.at == 60
+    assert (found.before, found.after) == pytest.approx((0.0025, 0.1025), abs=0.001)
+    for other in (
+        np.linspace(0.0, 0.1, count), 0.1 * rng.uniform(size=count), np.zeros(count),
+        np.where(np.arange(count) < 5, 0.0, 0.1),
+    ):  # fmt: skip
+        assert stamps._jump(other) is None
+
+
 def test_a_proof_begins_where_the_sensor_of_the_change_moves(spring):
     name, record = 'position', spring.sensors['position']
     begin = float(record.received[0]) - spring.start

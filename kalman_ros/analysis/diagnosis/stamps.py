@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from math import inf
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,8 +22,9 @@ from .passage import explained
 #: A clock is suspected if its stamps are ahead of the recorder by more than the first time (s), or
 #: behind it by more than the second.
 _AHEAD, _BEHIND = 0.005, 0.02
-#: A drift of a clock over the recording by less than this time (s) is harmless.
-_DRIFTED = 0.005
+#: A drift or a jump of a clock by less than this time (s) is harmless. A jump is this many times
+#: the spread of the times besides.
+_DRIFTED, _CLEAR = 0.005, 4.0
 #: Stamps are shared if each has this number of readings on average.
 _SEVERAL = 1.9
 #: Readings come one by one if nearly all are at least this share of the usual time apart.
@@ -40,6 +41,7 @@ def find(case: Examination) -> Iterator[Finding]:
         if len(record) > 2:
             yield from _find_zero(case.evidence, name, record)
             yield from _find_shared(case.evidence, name, record)
+            yield from _find_set_clock(case, name, record)
             yield from _find_duplicates(case, name, record)
             yield from _find_backward(case, name, record)
             yield from _find_rounded(name, record)
@@ -204,7 +206,7 @@ def _find_clock_error(case: Examination, name: str, record: SensorRecord) -> Ite
     evidence, delays = case.evidence, _uncorrected(case.evidence, name)
     stamped = record.stamped
     delays, received = delays[stamped], record.received[stamped]
-    if len(delays) < 3:
+    if len(delays) < 3 or _jump(delays) is not None:
         return
     rate = slope(received, delays)
     drifted = rate * np.ptp(received)
@@ -229,6 +231,50 @@ def _find_clock_error(case: Examination, name: str, record: SensorRecord) -> Ite
             f'{_delays_of_others(evidence, name)}. Synchronise the clocks, or stamp on receipt.',
             inf, figure=figure, mended=lambda: mended,
         )  # fmt: skip
+
+
+class _Jump(NamedTuple):
+    """Times that change once: the first one after it, and the levels before and after."""
+
+    at: int
+    before: float
+    after: float
+
+
+def _jump(delays: Array) -> _Jump | None:
+    """Return where times change at once, by the least squares; None where they do not."""
+    count = np.arange(1, len(delays))
+    sums = np.cumsum(delays - delays.mean())[:-1]
+    at = 1 + int(np.argmax(sums**2 / (count * (len(delays) - count))))
+    if min(at, len(delays) - at) < _ENOUGH:
+        return None
+    before, after = (float(np.median(part)) for part in (delays[:at], delays[at:]))
+    rest = delays - np.where(np.arange(len(delays)) < at, before, after)
+    spread = float(np.ptp(np.quantile(rest, (0.05, 0.95))))
+    jumps = abs(after - before) > max(_DRIFTED, _CLEAR * spread)
+    return _Jump(at, before, after) if jumps else None
+
+
+def _find_set_clock(case: Examination, name: str, record: SensorRecord) -> Iterator[Finding]:
+    """Yield the time at which the clock of the stamps was set, if it was no delay that changed."""
+    stamped = np.flatnonzero(record.stamped)
+    jump = _jump(_uncorrected(case.evidence, name)[stamped]) if len(stamped) > 2 else None
+    if jump is None:
+        return
+    _, before, after = jump
+    late = np.arange(len(record)) >= stamped[jump.at]
+    wrong = late if abs(after) > abs(before) else ~late
+    shift = after - before if abs(after) > abs(before) else before - after
+    mended = case.evidence.with_sensor(name, replace(record, stamp=record.stamp + shift * wrong))
+    if min(before, after) > -_AHEAD and not _improves_fit(case, mended):
+        return
+    when = float(record.received[stamped[jump.at]]) - case.evidence.start
+    yield Finding(
+        'clock offset', name,
+        f'stamps of {name} jump by {before - after:+.3g} s against the recorder at t = {when:.3g} '
+        's: its clock was set. Synchronise it before the start, and slew it later.',
+        inf, figure=picture(name, record, 'its clock against the recorder'), mended=lambda: mended,
+    )  # fmt: skip
 
 
 def _find_future_inputs(evidence: Evidence) -> Iterator[Finding]:
