@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tools.doctor_score.array_replay import replay
+from tools.doctor_score.recordings import Injection, recorded
 
 from kalman_ros.analysis.diagnosis import bias, common_noise
 from kalman_ros.analysis.diagnosis import inputs as input_faults
@@ -342,3 +343,19 @@ def test_a_scale_with_the_declared_noise_is_compared_with_a_bias():
     assert (found.kind, found.subject) == ('scale', 'speed.v')
     assert found.change['speed.C'][1] == pytest.approx(factor, rel=0.02)
     assert found.change['speed.noise'] == pytest.approx([noise], rel=1e-3)
+
+
+def test_a_step_of_a_bias_that_the_estimator_follows():
+    """The likeliest constant takes a part of the step with it."""
+    followed = Injection(estimator={'velocity.bias_std': [0.1]})
+    spring = recorded('mass_spring_damper', followed, 20.0, 3)
+    record = spring.sensors['velocity']
+    late = record.stamp[:, None] >= spring.start + 8.0
+    stepped = Examination(spring.with_values('velocity', record.value + 0.3 * late))
+    (found,) = bias.find(Examination(bias.without_declared(stepped)))
+    size, std, begin = re.search(r'by (\S+) ± (\S+) from t = (\S+) s on', found.sentence).groups()
+    assert (found.kind, found.subject) == ('bias', 'velocity')
+    assert float(size) == pytest.approx(0.3, abs=3.0 * float(std)) and float(std) < 0.05
+    assert float(begin) == pytest.approx(8.0, abs=0.5)
+    mended = found.mended().sensors['velocity'].value - record.value
+    assert np.median(mended[late]) == pytest.approx(np.median(mended[~late]), abs=0.05)

@@ -69,11 +69,12 @@ def find(case: Examination) -> list[Finding]:
     for name in case.judged:
         size = case.evidence.scenario.sensors[name].sensor.output.size
         groups = {i: case.responses.columns('offset', name, str(i)) for i in range(size)}
-        courses = courses_of(case.responses, groups)
+        about = case.evidence.scenario.sensors[name].bias is not None
+        courses = courses_of(case.responses, groups, about=about)
         if not courses:
             continue
         findings.append(_finding(case, name, *_in_time(case, name, courses, limits)))
-        simpler = courses_of(case.responses, groups, kinds=_KINDS[:-1])
+        simpler = courses_of(case.responses, groups, kinds=_KINDS[:-1], about=about)
         similar = _total_gain(simpler) > (1.0 - _NEARLY) * _total_gain(courses)
         if similar and _kind_of(courses) == 'walk':
             findings.append(_finding(case, name, *_in_time(case, name, simpler, limits)))
@@ -92,7 +93,8 @@ def _in_time(
     finer = np.unique(np.concatenate((limits, around)))
     responses = offset_responses(case.passage, name, finer)
     groups = {index: responses.columns('offset', name, str(index)) for index in courses}
-    exact = courses_of(responses, groups, kinds=('step',))
+    about = case.evidence.scenario.sensors[name].bias is not None
+    exact = courses_of(responses, groups, kinds=('step',), about=about)
     return (exact, finer) if exact else (courses, limits)
 
 
@@ -174,18 +176,21 @@ def courses_of(
     groups: Mapping[int, Sequence[int]],
     cost: float = _COST,
     kinds: Sequence[str] = _KINDS,
+    *,
+    about: bool = False,
 ) -> dict[int, Course]:
     """Return the significant courses of several coordinates, by index.
 
     All courses are of one kind, the simplest that explains as much as any other. A walk is a
     random effect with the covariance min(t, s) times an intensity, whose likelihood accounts for
     its degrees of freedom (N. Laird and J. Ware, Random-Effects Models for Longitudinal Data,
-    Biometrics 38(4), 1982). The other kinds have a single parameter.
+    Biometrics 38(4), 1982). The other kinds have a single parameter, but a step may be ``about``
+    a bias that the estimator follows, and which was removed with a part of the step.
     """
     candidates = []
     for kind in kinds:
         courses = {
-            index: _best_course(responses, columns, kind, cost)
+            index: _best_course(responses, columns, kind, cost, about)
             for index, columns in groups.items()
             if columns
         }
@@ -196,7 +201,9 @@ def courses_of(
     return next(courses for total, courses in candidates if total >= least)
 
 
-def _best_course(responses: Responses, columns: Sequence[int], kind: str, cost: float) -> Course:
+def _best_course(
+    responses: Responses, columns: Sequence[int], kind: str, cost: float, about: bool
+) -> Course:
     """Return the best course of a kind over the pieces of one coordinate."""
     if kind == 'walk':
         walk = _likeliest_walk(responses, columns)
@@ -205,10 +212,12 @@ def _best_course(responses: Responses, columns: Sequence[int], kind: str, cost: 
     penalty = cost + 2.0 * np.log(max(B, 2)) * (_numbers_of(kind) - 1)
     best = Course(kind, np.zeros(B), -np.inf)
     for began in range(1, B) if kind == 'step' else (0,):
-        shape = _shape(kind, began, B)
-        fit = responses.fit(shape[:, None], columns)
+        shapes = [np.ones(B)] if about and kind == 'step' else []
+        basis = np.column_stack([*shapes, _shape(kind, began, B)])
+        fit = responses.fit(basis, columns)
         if fit.gain - penalty > best.gain:
-            best = Course(kind, shape * float(fit.size[0]), fit.gain - penalty, fit, began)
+            last = Fit(fit.size[-1:], fit.covariance[-1:, -1:], fit.gain)
+            best = Course(kind, basis @ fit.size, fit.gain - penalty, last, began)
     return best
 
 
@@ -354,4 +363,5 @@ def _describe(course: Course, limits: Array) -> str:
         return f'drifts by {rate:+.3g} a second'
     std = float(course.fit.std[0]) if course.fit else 0.0
     since = f' from t = {limits[course.began] - limits[0]:.3g} s on' if course.began else ''
-    return f'by {course.values[-1]:+.4g} ± {std:.1g}{since}'
+    size = course.values[-1] - (course.values[0] if course.began else 0.0)
+    return f'by {size:+.4g} ± {std:.1g}{since}'
