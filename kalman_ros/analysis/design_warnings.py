@@ -12,6 +12,7 @@ from kalman_ros.control.stability import Mode
 from kalman_ros.scenario.estimation import placed_poles
 from kalman_ros.scenario.regulator import steered
 
+from .curvature import curved
 from .design_report import DesignReport, Regulator
 from .input_loops import InputLoops, Loop
 from .jacobians import wrong_jacobians
@@ -119,6 +120,7 @@ def _path_notes(report: DesignReport) -> Iterator[str]:
 
 def _warnings(report: DesignReport, latency: float) -> Iterator[str]:
     yield from wrong_jacobians(report.scenario)
+    yield from curved(report.scenario)
     yield from _observability_warnings(report)
     if report.controllability and report.controllability.unreached:
         names = ', '.join(report.controllability.unreached)

@@ -76,8 +76,9 @@ def lqe(
         return observer_of(A, C, estimation.lqe(A, C, density, V, cross), labels, None)
     if N is not None:
         raise ValueError('N: expected nothing where readings come in samples of dt')
-    F, _, Q = Discretization(A, np.zeros((len(A), 0)), density)(duration('dt', dt))
-    return observer_of(F, C, estimation.dlqe(F, C, Q, V), labels, dt)
+    design = estimation.sampled_lqe(A, C, density, V, duration('dt', dt))
+    F, _, _ = Discretization(A, np.zeros((len(A), 0)), density)(dt)
+    return observer_of(F, C, design, labels, dt)
 
 
 @knows_arguments(QN='Q', RN='R', NN='N', A='F', B='G', W='Q', V='R', H='C', Ts='dt')
@@ -123,18 +124,20 @@ def dlqe(
         dt = system.dt if dt is None else dt
     if R is None and N is None:
         G, C, Q, R = None, G, C, Q
-    F, G, C, Q, R, N = _noises(F, G, C, Q, R, N)
+    F, G, C, Q, R, N = _noises(F, G, C, Q, R, N, definite=False)
     design = estimation.dlqe(F, C, G @ Q @ G.T, R, None if N is None else G @ N)
     return observer_of(F, C, design, labels, duration('dt', dt or 1.0))
 
 
-def _noises(A: Any, G: Any, C: Any, W: Any, V: Any, N: Any) -> tuple[Any, ...]:
+def _noises(
+    A: Any, G: Any, C: Any, W: Any, V: Any, N: Any, *, definite: bool = True
+) -> tuple[Any, ...]:
     """Return the checked matrices; without G it is the identity."""
     A = square('A', A)
     n = len(A)
     G = np.eye(n) if G is None else columns('G', G, n)
     C = rows('C', C, n)
-    W, V = weight('W', W, G.shape[1]), weight('V', V, len(C), definite=True)
+    W, V = weight('W', W, G.shape[1]), weight('V', V, len(C), definite=definite)
     return A, G, C, W, V, None if N is None else columns('N', N, len(W))
 
 

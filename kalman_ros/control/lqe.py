@@ -3,14 +3,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kalman_ros.core import Array, matrix, semidefinite
+from kalman_ros.core import Array, DesignError, Discretization, matrix, semidefinite
 from kalman_ros.linear import riccati
 from kalman_ros.linear.periodic import Readings, updated
 from kalman_ros.linear.structure import ComplexArray
+
+from .lqr import is_short
 
 
 @dataclass(frozen=True)
@@ -96,6 +98,28 @@ def dlqe(F: Array, C: Array, Q: Array, R: Array, cross: Array | None = None) -> 
     found = riccati.discrete(F.T, C.T, Q, R, N, riccati.ESTIMATION)
     L, after = updated(found.S, Readings(C, R))
     return LqeDesign(L, found.K.T, after, found.S, found.poles)
+
+
+def sampled_lqe(A: Array, C: Array, W: Array, V: Array, dt: float) -> LqeDesign:
+    """Return the steady-state gains of dx/dt = A x + w with a reading y = C x + v every ``dt``.
+
+    W is the spectral density of w (n, n) and V the covariance of v (k, k). Where a step is too
+    short for its changes to be computed with, they are those of continuous time.
+
+    Raises
+    ------
+    DesignError
+        As `dlqe`.
+    """
+    F, _, Q = Discretization(A, np.zeros((len(A), 0)), W)(dt)
+    try:
+        return dlqe(F, C, Q, V)
+    except DesignError as error:
+        found = lqe(A, C, W, V * dt)
+        if not is_short(dt, A, found.poles):
+            raise DesignError(f'{error}; these are those of a sample of {dt:g} s') from None
+    gain = found.gain * dt
+    return replace(found, gain=gain, predictor_gain=gain, poles=np.exp(found.poles * dt))
 
 
 def _cross(W: Array, V: Array, cross: Array | None) -> Array:

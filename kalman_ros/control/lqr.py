@@ -3,14 +3,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kalman_ros.core import Array, ArrayLike, LinearSystem, matrix, semidefinite
+from kalman_ros.core import Array, ArrayLike, DesignError, LinearSystem, matrix, semidefinite
 from kalman_ros.core import van_loan as integral
 from kalman_ros.linear import riccati
-from kalman_ros.linear.structure import ComplexArray
+from kalman_ros.linear.structure import ComplexArray, eigenvalues
+
+#: A step of less than this share of the shortest time constant is one of continuous time.
+_SHORT = 1e-6
 
 
 @dataclass(frozen=True)
@@ -123,8 +126,16 @@ def sampled_cost(system: LinearSystem, weights: Cost, dt: float) -> Cost:
     return Cost(weight[:n, :n], weight[n:, n:], weight[:n, n:])
 
 
+def is_short(dt: float, A: Array, poles: ComplexArray) -> bool:
+    """Return whether nothing changes in a step, with these poles of the closed loop, or open."""
+    fastest = max(np.abs(eigenvalues(A)).max(initial=0.0), np.abs(poles).max(initial=0.0))
+    return bool(dt * fastest < _SHORT)
+
+
 def sampled_lqr(system: LinearSystem, weights: Cost, dt: float) -> LqrDesign:
     """Return the gain for an input held over steps of ``dt`` that minimises the continuous cost.
+
+    Where a step is too short for its changes to be computed with, it is that of continuous time.
 
     Raises
     ------
@@ -132,4 +143,10 @@ def sampled_lqr(system: LinearSystem, weights: Cost, dt: float) -> LqrDesign:
         If no gain stabilises the system with these weights.
     """
     step = system.sampled(dt)
-    return dlqr(step.F, step.G, sampled_cost(system, weights, dt))
+    try:
+        return dlqr(step.F, step.G, sampled_cost(system, weights, dt))
+    except DesignError as error:
+        found = lqr(system.A, system.B, weights)
+        if not is_short(dt, system.A, found.poles):
+            raise DesignError(f'{error}; these are the costs of a sample of {dt:g} s') from None
+    return replace(found, poles=np.exp(found.poles * dt))

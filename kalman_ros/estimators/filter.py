@@ -146,6 +146,8 @@ class Filter(ABC):
     fixed_gain: ClassVar[bool] = False
     #: Whether beliefs are sums of Gaussians, which have no leading axes.
     mixture: ClassVar[bool] = False
+    #: Whether readings are linearised about the prediction, however uncertain that is.
+    linearises_once: ClassVar[bool] = False
     #: Whether the first belief may have infinite variances: see `diffuse`.
     diffuse: ClassVar[bool] = False
 
@@ -207,6 +209,7 @@ class LinearUpdate(SmoothableFilter):
     """
 
     model: Dynamics
+    linearises_once = True
 
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Return x + K innovation, (I - K H) P (I - K H)' + K R K', with K = P H' S^-1."""

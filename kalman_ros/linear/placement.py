@@ -9,7 +9,7 @@ that is repeated more often than there are inputs has chains of eigenvectors.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,13 +76,27 @@ def place(A: Array, B: Array, poles: Sequence[complex]) -> PlacementDesign:
         If the input does not move every mode, or moves one too little.
     """
     wanted = _gathered(_checked(len(A), poles))
+    _refuse_stuck(A, B)
+    return _placed(A, B, wanted, lambda found: found)
+
+
+def _refuse_stuck(A: Array, B: Array) -> None:
     stuck = uncontrollable_modes(A, B)
     if stuck.size:
         raise DesignError(f'poles: no input moves the modes at {describe_distinct(stuck)}')
+
+
+def _placed(
+    A: Array, B: Array, wanted: ComplexArray, shown: Callable[[ComplexArray], ComplexArray]
+) -> PlacementDesign:
+    """Return the gain of the method that is nearest; an error shows poles as ``shown``."""
     independent, repeated = _rank(B), _most_repeated(wanted)
     methods = [_chained_gain]
     if repeated <= independent:
         methods.insert(0, lambda A, B, poles: _robust_gain(A, B, poles, independent))
+    alone = B.shape[1] == 1  # the gain is unique, and the most accurate one is taken
+    if alone:
+        methods.insert(0, _gain_of_one_input)
     best, off, found = None, np.inf, np.full(len(A), np.nan, dtype=complex)
     # as robust as can be in the units that are given, unless they are too different
     for method in methods:
@@ -96,15 +110,15 @@ def place(A: Array, B: Array, poles: Sequence[complex]) -> PlacementDesign:
             wrong = _distance(closed, wanted)
             if wrong < off:
                 best, off, found = K / units, wrong, eigenvalues(closed)
-            if best is not None and off <= _OFF:
+            if best is not None and off <= _OFF and not alone:
                 # eigenvalues of a chain of k scatter by the k-th root of the rounding
                 return PlacementDesign(best, found if repeated <= independent else wanted)
     near = _farthest(found, wanted) <= _ACCURACY * np.abs(wanted).max()
-    if best is not None and repeated <= independent and near:
-        return PlacementDesign(best, found)
+    if best is not None and (off <= _OFF or (repeated <= independent and near)):
+        return PlacementDesign(best, found if repeated <= independent else wanted)
     raise DesignError(
         f'poles: some mode is moved too little to be placed: asked for '
-        f'{describe(wanted)}, the best gain gives {describe(found)}'
+        f'{describe(shown(wanted))}, the best gain gives {describe(shown(found))}'
     )
 
 
@@ -175,6 +189,37 @@ def _chained_gain(A: Array, B: Array, poles: ComplexArray) -> Array:
     return best
 
 
+def _gain_of_one_input(A: Array, B: Array, poles: ComplexArray) -> Array:
+    """Return the K (1, n) of one input, by its polynomial on the Hessenberg form.
+
+    Where reflections have made A a Hessenberg matrix H and B a multiple b of the first axis, K is
+    the last row of the product of all H - p, divided by b and by all numbers below the diagonal
+    of H (B. N. Datta, An Algorithm to Assign Eigenvalues in a Hessenberg Matrix: Single Input
+    Case, IEEE Trans. Automatic Control 32(5), 1987). Numbers are as long as the processor has.
+    """
+    n = len(A)
+    rate = max(float(np.abs(poles).max()), float(np.abs(eigenvalues(A)).max())) or 1.0
+    H = np.zeros((n + 1, n + 1), dtype=np.longdouble)
+    H[1:, :1], H[1:, 1:] = B / rate, A / rate
+    turn = np.eye(n + 1, dtype=np.longdouble)
+    for k in range(n - 1):  # zeros below the first number under the diagonal (A. Householder)
+        v = H[:, k].copy()
+        v[: k + 1] = 0.0
+        v[k + 1] += np.copysign(np.sqrt(v.dot(v)), v[k + 1])
+        if size := v.dot(v):
+            for M in (H, H.T, turn.T):
+                M -= np.outer(v, 2.0 / size * v.dot(M))
+    row = np.zeros(n, dtype=np.longdouble)
+    row[-1] = 1.0
+    below, H = H.diagonal(-1), H[1:, 1:]
+    for pole in poles[poles.imag >= 0.0].astype(np.clongdouble) / rate:
+        if pole.imag:
+            row = (row @ H - 2.0 * pole.real * row) @ H + abs(pole) ** 2 * row
+        else:
+            row = row @ H - pole.real * row
+    return np.asarray(row / np.prod(below) @ turn[1:, 1:].T, dtype=float)[np.newaxis]
+
+
 def _farthest(found: ComplexArray, wanted: ComplexArray) -> float:
     """Return the largest distance of wanted poles from found ones, each of which counts once."""
     away = np.abs(found[:, np.newaxis] - wanted)
@@ -217,15 +262,26 @@ def sampled_place(A: Array, B: Array, poles: Sequence[complex], dt: float) -> Pl
     """Return the gain for an input held over steps of ``dt``, with ``poles`` in 1/s.
 
     A pole s becomes z = exp(s dt), so the samples follow a continuous loop with
-    poles s . The `PlacementDesign` has the z.
+    poles s . The `PlacementDesign` has the z. The gain is that of differences, (F - 1) / dt and
+    poles (z - 1) / dt, which stay what they are where steps are short (R. Middleton and
+    G. Goodwin, Digital Control and Estimation: A Unified Approach, 1990).
 
     Raises
     ------
     ValueError, DesignError
         As `place`.
     """
-    wanted = np.exp(_checked(len(A), poles) * dt)
-    return place(*zero_order_hold(A, B, dt), wanted.tolist())
+    rates = _checked(len(A), poles)
+    _refuse_stuck(A, B)
+    _, held = zero_order_hold(A, np.eye(len(A)), dt)
+    wanted = _gathered(np.asarray(np.expm1(rates * dt) / dt, dtype=complex))
+
+    def shown(found: ComplexArray) -> ComplexArray:
+        with np.errstate(divide='ignore'):
+            return np.asarray(np.log1p(found.astype(complex) * dt) / dt)
+
+    design = _placed(A @ held / dt, held @ B / dt, wanted, shown)
+    return PlacementDesign(design.gain, 1.0 + dt * design.poles)
 
 
 def spread_poles(name: str, poles: Sequence[float], count: int) -> list[float]:

@@ -160,7 +160,8 @@ def discrete(F: Array, G: Array, Q: Array, R: Array, N: Array, terms: Terms) -> 
     Raises
     ------
     DesignError
-        If neither R nor R + G'Q G is positive definite, or no stabilising solution exists.
+        If neither R nor R + G'W G is positive definite, W the cost of a state without an input,
+        or no stabilising solution exists.
     """
     from scipy.linalg import solve_discrete_are
 
@@ -211,15 +212,17 @@ def _solution(
             # a closed loop close to instability; its accuracy is checked below
             warnings.simplefilter('ignore', RuntimeWarning)
             S = symmetric(first(problem.A, problem.B, problem.Q, problem.R, s=problem.N))
+            least, best = np.inf, S
             for _ in range(_STEPS):
-                K = gain(problem, S)
-                before, S = S, refine(problem, K)
+                before, S = S, refine(problem, gain(problem, S))
                 change = _change(before, S, _ROUNDING[sampled])
-                settled = change <= _LOST
+                if change < least:
+                    least, best = change, S
                 if not change > _EXACT:
                     break
+            S = best  # that which rounding moved least
             K = gain(problem, S)
-            settled = settled and problem.residual(S, K, sampled=sampled) <= _RESIDUAL
+            settled = least <= _LOST and problem.residual(S, K, sampled=sampled) <= _RESIDUAL
             poles = units.rate * eigenvalues(problem.A - problem.B @ K)
             S, K = units.restore(_semidefinite(S), K)
     except (np.linalg.LinAlgError, ValueError):  # ValueError: not finite
@@ -267,8 +270,8 @@ def _scaled(
     A, B, Q, R, N = given
     if not all(np.all(np.isfinite(part)) for part in (A, B, Q, N)):
         raise DesignError(f'system: expected finite matrices and {terms.state_weight}')
-    # the least that weighs an input: a sample later its effect has the weight of the state, too
-    weights = R + B.T @ Q @ B if sampled and _is_singular(R) else R
+    # the least that weighs an input: its effect has the weight of the state in later samples
+    weights = R + B.T @ _later(A, Q) @ B if sampled and _is_singular(R) else R
     variances = weights.diagonal()
     if not np.all(np.isfinite(R)) or not np.all((variances > _SMALLEST) & (variances < _LARGEST)):
         raise DesignError(
@@ -300,6 +303,15 @@ def _scaled(
     rate = 1.0 if sampled else _rate(A, Q)
     B, N, root = B / rate**0.5, N / rate**0.5, root * rate**0.5
     return _Problem(A / rate, B, Q / rate, R, N), _Units(states, units * root, size, rate)
+
+
+def _later(A: Array, Q: Array) -> Array:
+    """Return the cost of a state without an input, over as many samples as there are states."""
+    total = moved = Q
+    for _ in range(len(A) - 1):
+        moved = A.T @ moved @ A
+        total = total + moved
+    return total
 
 
 def _is_singular(R: Array) -> bool:

@@ -9,7 +9,7 @@ import pytest
 from tools.doctor_score.array_replay import replay
 from tools.doctor_score.recordings import Injection, recorded
 
-from kalman_ros.analysis.diagnosis import bias, common_noise
+from kalman_ros.analysis.diagnosis import bias, common_noise, units
 from kalman_ros.analysis.diagnosis import inputs as input_faults
 from kalman_ros.analysis.diagnosis.diagnose import diagnose
 from kalman_ros.analysis.diagnosis.examination import Examination
@@ -359,3 +359,15 @@ def test_a_step_of_a_bias_that_the_estimator_follows():
     assert float(begin) == pytest.approx(8.0, abs=0.5)
     mended = found.mended().sensors['velocity'].value - record.value
     assert np.median(mended[late]) == pytest.approx(np.median(mended[~late]), abs=0.05)
+
+
+def test_a_factor_far_from_one_is_that_of_the_readings():
+    """A filter that believes the wrong readings predicts them, so that a regression knows none."""
+    spring = recorded('mass_spring_damper', None, 20.0, 3)
+    record = spring.sensors['position']
+    wrong = Examination(spring.with_values('position', 5.61 * record.value))
+    kinds = {(each.kind, each.subject): each for each in units.find(wrong)}
+    found = kinds['scale', 'position.x']
+    size, std = re.search(r'multiplied by (\S+) ± (\S+):', found.sentence).groups()
+    assert float(size) == pytest.approx(1.0 / 5.61, abs=3.0 * float(std))
+    assert float(std) < 0.05 * float(size)

@@ -234,8 +234,11 @@ def test_in_discrete_time_an_input_may_be_free():
     gain = kr.dlqr([[2.0, -1.0], [1.0, 0.0]], np.eye(2), 1, 0)
     np.testing.assert_allclose(gain.K, [[2.0, -1.0], [1.0, 0.0]], atol=1e-12)
     np.testing.assert_allclose(gain.S, np.eye(2), atol=1e-12)
+    # of what costs nothing until a sample later: x1^2 + (x1 + x2)^2 cannot be helped
+    later = kr.dlqr([[1.0, 1.0], [0.0, 1.0]], [[0.0], [1.0]], [1.0, 0.0], 0)
+    np.testing.assert_allclose(later.S, [[2.0, 1.0], [1.0, 1.0]], atol=1e-12)
     with pytest.raises(DesignError, match=r'^R: expected a positive definite matrix'):
-        kr.dlqr([[1.0, 1.0], [0.0, 1.0]], [[0.0], [1.0]], [1.0, 0.0], 0)
+        kr.dlqr([[1.0, 1.0], [0.0, 1.0]], [[0.0], [1.0]], [0.0, 0.0], 0)
 
 
 @pytest.mark.thorough

@@ -3,6 +3,7 @@ import numpy as np
 import pytest
 
 from kalman_ros.core import DesignError, LinearSystem, Space
+from kalman_ros.linear.discretize import zero_order_hold
 from kalman_ros.linear.placement import place, place_observer, sampled_place
 
 A = np.array([[0.0, 1.0], [0.0, 0.0]])
@@ -152,3 +153,39 @@ def test_an_input_that_moves_nothing_is_named_in_any_units():
     for size in (1e-12, 1.0, 1e12):
         with pytest.raises(DesignError, match='poles: no input moves the modes at -2'):
             place(A, size * B, [-3.0, -4.0])
+
+
+def chain(count, order):
+    """Return integrators one behind the other, with the states in any order."""
+    A, B = np.diag(np.ones(count - 1), 1), np.zeros((count, 1))
+    B[-1] = 1.0
+    return A[np.ix_(order, order)], B[order]
+
+
+@pytest.mark.parametrize('turned', ['forwards', 'backwards', 'shuffled'])
+def test_twelve_integrators_have_the_coefficients_of_their_polynomial(turned):
+    order = np.arange(12)
+    if turned == 'backwards':
+        order = order[::-1]
+    if turned == 'shuffled':
+        order = np.random.default_rng(1).permutation(12)
+    wanted = -np.arange(1.0, 13.0)
+    gain = place(*chain(12, order), wanted.tolist()).gain[0]
+    expected = np.array([float(c) for c in np.poly(wanted)[:0:-1]])
+    np.testing.assert_allclose(gain, expected[order], rtol=1e-14)
+
+
+def test_twelve_sampled_integrators_are_placed():
+    A, B = chain(12, np.arange(12))
+    wanted = -np.arange(1.0, 13.0)
+    design = sampled_place(A, B, wanted.tolist(), 0.1)
+    F, G = zero_order_hold(A, B, 0.1)
+    found = np.sort(np.linalg.eigvals(F - G @ design.gain).real)
+    np.testing.assert_allclose(found, np.sort(np.exp(0.1 * wanted)), atol=1e-5)
+
+
+@pytest.mark.parametrize('dt', [1e-6, 1e-9, 1e-12, 1e-300])
+def test_a_short_step_has_nearly_the_gain_of_none(dt):
+    A, B = np.array([[-1.0, 0.3], [0.0, -2.0]]), np.array([[0.0], [1.0]])
+    expected = place(A, B, [-3.0, -4.0]).gain
+    np.testing.assert_allclose(sampled_place(A, B, [-3.0, -4.0], dt).gain, expected, rtol=1e-5)

@@ -8,9 +8,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import kalman_ros as kr
-from kalman_ros.control.lqe import dlqe, lqe
-from kalman_ros.control.lqr import Cost, cost, dlqr, lqr
-from kalman_ros.core import DesignError
+from kalman_ros.control.lqe import dlqe, lqe, sampled_lqe
+from kalman_ros.control.lqr import Cost, cost, dlqr, lqr, sampled_lqr
+from kalman_ros.core import DesignError, LinearSystem, Space
 from kalman_ros.linear import riccati
 from kalman_ros.linear.riccati import stein
 
@@ -223,3 +223,48 @@ def test_rounding_below_zero_is_taken_from_a_covariance_and_more_is_refused():
         np.testing.assert_allclose(found, with_least(0.0), atol=1e-15)
     with pytest.raises(np.linalg.LinAlgError, match='not a covariance'):
         riccati._semidefinite(with_least(-1.1 * riccati._LOST))
+
+
+def test_an_input_that_weighs_nothing_until_two_samples_later():
+    # DAREX 1.1 itself: X = I; B'Q B is zero, and B'X B is not
+    F, G, Q = np.array([[2.0, -1.0], [1.0, 0.0]]), np.array([[1.0], [0.0]]), np.diag([0.0, 1.0])
+    none = np.zeros((1, 1))
+    found = dlqr(F, G, Cost(Q, none, np.zeros((2, 1))))
+    np.testing.assert_allclose(found.cost_to_go, np.eye(2), atol=1e-12)
+    np.testing.assert_allclose(found.gain, [[2.0, -1.0]], atol=1e-12)
+    dual = dlqe(F.T, G.T, Q, none)
+    np.testing.assert_allclose(dual.prior, np.eye(2), atol=1e-12)
+    with pytest.raises(DesignError, match='positive definite'):
+        dlqr(F, G, Cost(np.zeros((2, 2)), none, np.zeros((2, 1))))
+
+
+def system(A, B):
+    n, m = B.shape
+    states, inputs = (Space(tuple(f'{s}{i}' for i in range(k)), ('',) * k)
+                      for s, k in (('x', n), ('u', m)))  # fmt: skip
+    return LinearSystem(A, B, np.zeros((n, n)), states, inputs)
+
+
+@pytest.mark.parametrize('dt', [1e-9, 1e-10, 1e-12, 1e-300])
+def test_a_sample_too_short_to_compute_with_is_continuous_time(dt):
+    A, B = np.array([[-1.0, 0.3], [0.0, -2.0]]), np.array([[0.0], [1.0]])
+    weights = Cost(np.eye(2), np.eye(1), np.zeros((2, 1)))
+    found = sampled_lqr(system(A, B), weights, dt)
+    np.testing.assert_allclose(found.gain, lqr(A, B, weights).gain, rtol=1e-6)
+    assert np.all(np.abs(found.poles) <= 1.0)
+    observer = sampled_lqe(A.T, B.T, np.eye(2), np.eye(1) / dt, dt)
+    np.testing.assert_allclose(observer.gain / dt, lqr(A, B, weights).gain.T, rtol=1e-6)
+
+
+def test_an_error_of_samples_says_that_the_numbers_are_theirs(monkeypatch):
+    A, B = np.diag([1.0, 2.0]), np.array([[1.0], [0.0]])  # the second mode is out of reach
+    weights = Cost(np.eye(2), np.eye(1), np.zeros((2, 1)))
+    with pytest.raises(DesignError, match='no input can stabilise the modes at 2$'):
+        sampled_lqr(system(A, B), weights, 0.1)
+
+    def fail(*_):
+        raise DesignError('input_cost: got the diagonal (0.1)')
+
+    monkeypatch.setattr('kalman_ros.control.lqr.dlqr', fail)
+    with pytest.raises(DesignError, match=r'got the diagonal \(0.1\); these are the costs of a'):
+        sampled_lqr(system(*INTEGRATORS), weights, 0.1)

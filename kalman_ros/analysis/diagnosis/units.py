@@ -36,11 +36,17 @@ UNITS: Sequence[tuple[float, str, tuple[str, ...]]] = (
     (1e-2, 'hundredths (cm, cm/s)', (*_LENGTH, *_SPEED)),
     (1e2, 'metres, where centimetres are expected', ('cm', 'cm/s')),
     (1e2, 'hPa (millibars)', _PRESSURE),
+    (1e4, 'dbar', _PRESSURE),
+    (133.322, 'mm of mercury', _PRESSURE),
+    (3386.39, 'inches of mercury', _PRESSURE),
     (1e5, 'bar', _PRESSURE),
     (6894.757, 'pounds a square inch', _PRESSURE),
     (1e-4, 'gauss', _FIELD),
     (1e-6, 'microtesla', _FIELD),
     (0.3048, 'feet', _LENGTH),
+    (0.3048, 'feet a second', _SPEED),
+    (1852.0, 'nautical miles', _LENGTH),
+    (1609.344, 'miles', _LENGTH),
     (0.0254, 'inches', _LENGTH),
     (1.0 / 0.0254, 'metres, where inches are expected', ('in',)),
     (1.0 / 0.3048, 'metres, where feet are expected', ('ft',)),
@@ -61,8 +67,9 @@ AFFINE = {
 _TEMPERATURE = ('', 'K', 'C', 'degC')
 #: Factors that are likelier than a unit: a radius for a diameter, edges that are counted twice.
 _PLAIN = (0.5, 2.0)
-#: A unit that differs from the fitted factor must explain this share of the misfit.
-_EXPLAINED = 0.5
+#: A unit that differs from the fitted factor must explain this share of the misfit, and so must
+#: another factor, whose logarithm differs by more than the second number.
+_EXPLAINED, _FAR = 0.5, 0.25
 #: A temperature in another unit has this share of the gain of the best scale and zero.
 _SAME = 0.98
 #: Two factors are equal if their relative difference is below the first number. A factor that
@@ -208,7 +215,7 @@ def _inflation(case: Examination, name: str) -> float:
 def _likeliest_factor(
     case: Examination, name: str, group: tuple[int, ...], factor: float, std: float
 ) -> tuple[float, float]:
-    """Return the likeliest of the fitted factor, factors of units, and the wrong sign.
+    """Return the likeliest of the fitted factor, factors of units, the wrong sign, and a far one.
 
     If the errors of readings are large, so are those of the predictions to which the factor is
     fitted.
@@ -220,10 +227,30 @@ def _likeliest_factor(
     if abs(factor) < 1e-6:
         factor = 1e-6
     space = case.evidence.scenario.sensors[name].sensor.output
-    best = max((-1.0, *conversions(space, group)), key=gain)
+    far, far_std = _of_readings(case, name, group)
+    stds = dict.fromkeys((-1.0, *conversions(space, group)), 0.0)
+    if factor < 0.0 or abs(log(far / factor)) > _FAR:
+        stds[far] = far_std
+    best = max(stds, key=gain)
     excess = float(np.sum(case.passage.square - case.passage.sizes))
     likelier = gain(best) > max(gain(factor), _EXPLAINED * excess)
-    return (best, 0.0) if likelier else (factor, std)
+    return (best, stds[best]) if likelier else (factor, std)
+
+
+def _of_readings(case: Examination, name: str, group: tuple[int, ...]) -> tuple[float, float]:
+    """Return the factor of readings with the largest gain (see `replaced`), and its deviation.
+
+    With the gradient g and the information M of the readings, 2 N log f + 2 (1 - f) g less
+    (1 - f)^2 M has its maximum at a root of M f^2 + (g - M) f - N.
+    """
+    columns = [c for i in group for c in case.responses.columns('read', name, str(i), str(i))]
+    g = float(case.responses.gradient[columns].sum())
+    M = float(case.responses.information[np.ix_(columns, columns)].sum())
+    N = len(case.passage.of(name)) * len(group)
+    if not M > 0.0:
+        return 1.0, 0.0
+    factor = (M - g + ((M - g) ** 2 + 4.0 * M * N) ** 0.5) / (2.0 * M)
+    return factor, (M + N / factor**2) ** -0.5
 
 
 def conversions(space: Space, group: tuple[int, ...]) -> dict[float, str]:

@@ -50,6 +50,8 @@ class _Step(NamedTuple):
 class IteratedExtendedKalmanFilter(ExtendedKalmanFilter):
     """An extended Kalman filter that linearises a sensor about the corrected estimate."""
 
+    linearises_once = False
+
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Return the likeliest state, and (I - K H) P (I - K H)' + K R K' with K and H there.
 
