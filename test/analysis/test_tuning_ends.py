@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from tuned_cases import COVERED, likelihood, recorded
 
+import kalman_ros as kr
 from kalman_ros.analysis.tuning.ends import ends
 from kalman_ros.analysis.tuning.fit import fit
 from kalman_ros.analysis.tuning.free_parameter import FreeParameter
@@ -113,3 +114,34 @@ def test_an_interrupt_while_an_interval_is_computed_keeps_the_value(uncertain, m
     found = fit(uncertain)
     assert asked and found.interrupted
     assert 0.0 < found.values['position.delay'] < 0.6
+
+
+def level(q=1000.0, r=10_000.0):
+    return kr.discrete_model([[1.0]], Q=[[q]]), ([[1.0]], [[r]])
+
+
+def test_a_noise_too_small_to_show_has_an_end_above():
+    readings = 100.0 + 30.0 * np.random.default_rng(1).normal(size=100)
+    found = kr.tune(level, readings=readings, initial='diffuse')
+    q = found.parameters['q']
+    assert found.undetermined == {'q': 'it is too small for these data to show it'}
+    assert q.low <= 0.0 and q.value < q.high
+    assert 'below' in str(found)
+
+    def log_likelihood(q):
+        values = []
+        for r in np.geomspace(500.0, 900.0, 25).tolist():
+            model, sensor = level(q, r)
+            filtered = kr.filter(model, sensor, readings=readings, initial='diffuse')
+            values.append(filtered.log_likelihood)
+        return max(values)
+
+    # the profile falls by 1.92 there, as far as points on it are interpolated
+    assert 1.0 < log_likelihood(1e-6) - log_likelihood(q.high) < 3.0
+
+
+def test_what_is_limited_on_one_side_is_said_to_be():
+    readings = np.cumsum(30.0 * np.random.default_rng(2).normal(size=100))
+    found = kr.tune(level, readings=readings, initial='diffuse')
+    assert found.undetermined == {'r': 'these data limit it on one side only'}
+    assert np.isfinite(found.parameters['r'].high) and found.parameters['r'].low <= 0.0

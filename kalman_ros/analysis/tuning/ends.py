@@ -26,7 +26,9 @@ _END = 1.96
 _DAMPING = 1e-6
 
 
-def ends(likelihood: Likelihood, top: Expansion, index: int, width: float) -> tuple[float, float]:
+def ends(
+    likelihood: Likelihood, top: Expansion, index: int, width: float, about: float | None = None
+) -> tuple[float, float]:
     """Return the ends of the interval of a parameter, on the scale of the fit.
 
     An end is infinite where the profile does not fall by 1.92 up to the bound of the parameter.
@@ -39,21 +41,24 @@ def ends(likelihood: Likelihood, top: Expansion, index: int, width: float) -> tu
         Index of the parameter.
     width
         Width on the scale of the fit to which the distances are proportional.
+    about
+        Value on the scale of the fit that is as likely as the maximum, if not there.
     """
+    middle = float(top.z[index]) if about is None else about
     free = likelihood.parameters[index]
     low, high = free.limits
     farthest = _FARTHEST if free.positive else inf
     offsets = [min(share * width, farthest) for share in _SHARES]
     sides = [
-        sorted({min(max(top.z[index] + sign * offset, low), high) for offset in offsets},
-               key=lambda z: abs(z - top.z[index]))
+        sorted({min(max(middle + sign * offset, low), high) for offset in offsets},
+               key=lambda z: abs(z - middle))
         for sign in (-1.0, 1.0)
     ]  # fmt: skip
     points = [_at(top.z, index, z) for side in sides for z in side]
     heights = [_profile(likelihood, each, index) for each in likelihood.expand_all(points)]
     split = len(sides[0])
-    below = _crossing(top, index, sides[0], heights[:split])
-    above = _crossing(top, index, sides[1], heights[split:])
+    below = _crossing(top.value, middle, sides[0], heights[:split])
+    above = _crossing(top.value, middle, sides[1], heights[split:])
     return -inf if below is None else below, inf if above is None else above
 
 
@@ -73,11 +78,11 @@ def _profile(likelihood: Likelihood, at: Expansion | None, index: int) -> float:
     return at.value + scoring_step(likelihood, at, J, _DAMPING)[1]
 
 
-def _crossing(top: Expansion, index: int, side: list[float], heights: list[float]) -> float | None:
+def _crossing(top: float, before: float, side: list[float], heights: list[float]) -> float | None:
     """Return where a profile falls by 1.92, by interpolation of the root of its drop."""
-    before, deviation = float(top.z[index]), 0.0
+    deviation = 0.0
     for z, height in zip(side, heights):
-        drop = float(np.sqrt(2.0 * max(top.value - height, 0.0)))
+        drop = float(np.sqrt(2.0 * max(top - height, 0.0)))
         if drop >= _END:
             share = (_END - deviation) / (drop - deviation) if np.isfinite(drop) else 0.0
             return before + share * (z - before)

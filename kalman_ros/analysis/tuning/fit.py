@@ -14,7 +14,7 @@ from kalman_ros.estimators.consistency import chi_square_gate
 
 from .ascent import INTERRUPTED, LITTLE, Ascent, Report, _ignore, climb, maximum, towards_start
 from .ends import ends
-from .identifiability import UNCERTAIN, Determination, determination
+from .identifiability import ONE_SIDED, UNCERTAIN, Determination, determination
 from .intervals import reach
 from .likelihood import Expansion, Likelihood
 from .restricted import Restricted, restricted, unrestricted
@@ -153,10 +153,14 @@ def fit(likelihood: Likelihood, report: Report = _ignore) -> Fit:
         below = above = nan  # below the maximum there are no intervals about it
         if not ascent.stopped:
             try:
-                below, above, reason = _interval(likelihood, end, index, reason, not stopped)
+                below, above, reason = _interval(
+                    likelihood, end, index, float(point[index]), reason, not stopped
+                )
             except KeyboardInterrupt:
                 stopped = INTERRUPTED
-                below, above, reason = _interval(likelihood, end, index, reason, False)
+                below, above, reason = _interval(
+                    likelihood, end, index, float(point[index]), reason, False
+                )
         low = -inf if below == -inf else free.value(below)
         high = inf if above == inf else free.value(above)
         value = free.value(float(point[index]))
@@ -194,14 +198,14 @@ def _finish(ascent: Ascent, report: Report) -> tuple[Ascent, Restricted]:
 
 
 def _interval(
-    likelihood: Likelihood, end: Restricted, index: int, reason: str, profiled: bool
+    likelihood: Likelihood, end: Restricted, index: int, z: float, reason: str, profiled: bool
 ) -> tuple[float, float, str]:
-    """Return the ends of an interval on the scale of the fit, and the reason if it is open.
+    """Return the ends of an interval about z on the scale of the fit, and why it is open if it is.
 
     Those by the information are used where they are near, and otherwise those of the profile, if
     it may be computed.
     """
-    z, width = float(end.top.z[index]), float(end.found.widest[index])
+    width = float(end.found.widest[index])
     if not reason:
         std = float(end.found.std[index])
         below, above = reach(std, float(end.power[index]), float(end.freedom[index]))
@@ -210,9 +214,13 @@ def _interval(
         reason = UNCERTAIN
     if end.found.combined[index] or not profiled:
         return nan, nan, reason
-    low, high = ends(likelihood, end.top, index, width)
+    low, high = ends(likelihood, end.top, index, width, z)
     farthest = width if likelihood.parameters[index].positive else inf
-    return low, high, '' if max(z - low, high - z) < farthest else reason
+    if max(z - low, high - z) < farthest:
+        reason = ''
+    elif reason == UNCERTAIN and isfinite(low) != isfinite(high):
+        reason = ONE_SIDED
+    return low, high, reason
 
 
 def _place_unseen(

@@ -27,8 +27,9 @@ _ABSENT = 50.0
 #: A deviation is due to other parameters if it is this multiple of the one with those known.
 _TIED = 3.0
 
-#: Reason of a parameter with a wide interval.
+#: Reason of a parameter with a wide interval, and of one with an end on one side.
 UNCERTAIN = 'these data hardly depend on it'
+ONE_SIDED = 'these data limit it on one side only'
 
 
 @dataclass(frozen=True)
