@@ -16,6 +16,7 @@ from kalman_ros.analysis.tuning.held_out import Judgement, judge
 from kalman_ros.analysis.tuning.likelihood import Likelihood
 from kalman_ros.analysis.tuning.observations import Observations, Readings
 from kalman_ros.analysis.tuning.walk import Conditions
+from kalman_ros.compiled.parts import NUMPY, parts
 from kalman_ros.core import Array, ArrayLike
 from kalman_ros.core.known_arguments import knows_arguments
 from kalman_ros.core.known_names import KnownNames
@@ -59,6 +60,8 @@ class Tuning(KnownNames):
         if there are none.
     count
         The number of readings that were fused.
+    arithmetic
+        What computed the model and the sensors, with the reason where it is not C.
     """
 
     parameters: Mapping[str, Fitted]
@@ -69,6 +72,7 @@ class Tuning(KnownNames):
     stopped: str
     held_out: tuple[Judgement, Judgement] | None
     count: int
+    arithmetic: str = NUMPY
 
     @property
     def values(self) -> dict[str, float]:
@@ -101,6 +105,8 @@ class Tuning(KnownNames):
         lines += [f'{name}: {a:.6g} before, {b:.6g} after' for name, (a, b) in pairs]
         if not self.converged:
             lines += text.sentence(f'not converged, {self.stopped}: what was reached so far')
+        if '(' in self.arithmetic:  # there is a reason, and it costs time
+            lines += text.sentence(f'computed by {self.arithmetic}')
         if self.held_out is not None:
             before, after = self.held_out
             gain = after.log_likelihood - before.log_likelihood
@@ -206,10 +212,10 @@ def tune(
         made.parameters, made.candidate, observations,
         Conditions(policy, np.zeros(task.model.input.size)), until,
     )  # fmt: skip
-    return tuning(likelihood)
+    return tuning(likelihood, parts(task.model, task.sensors).arithmetic)
 
 
-def tuning(likelihood: Likelihood) -> Tuning:
+def tuning(likelihood: Likelihood, arithmetic: str = NUMPY) -> Tuning:
     """Return the fit of a likelihood, judged on the readings after its end."""
     found: Fit = fit_likelihood(likelihood)
     if found.interrupted:
@@ -224,7 +230,7 @@ def tuning(likelihood: Likelihood) -> Tuning:
     return Tuning(
         {each.name: each for each in found.parameters}, found.correlation,
         (found.before, found.after), found.aic, found.converged, found.stopped,
-        held, found.count,
+        held, found.count, arithmetic,
     )  # fmt: skip
 
 

@@ -148,16 +148,21 @@ class StateFeedback(_Gain):
         lines += text.sentence(f'poles [{"z" if sampled else "1/s"}] {text.poles(self.poles)}')
         if self.cost_to_go is not None:
             lines += text.matrix([f'S {x}' for x in plant.states], plant.states, self.cost_to_go)
-        if is_stable(plant.A - plant.B @ self.gain, sampled=sampled):
+        m, n = self.gain.shape
+        if not is_stable(plant.A - plant.B @ self.gain, sampled=sampled):
+            lines += ['the closed loop is not stable']
+        elif m * n**3 > _AT_ONCE and 'margins' not in vars(self):
+            lines += [f'margins: .margins computes them, with {n} states not at once']
+        else:
             for name, at in zip(plant.inputs, self.margins):
                 lines += text.sentence(f'margins at {name}: {at}')
             for together in self.margins.together:
                 lines += text.sentence(f'margins at {together}')
-        else:
-            lines += ['the closed loop is not stable']
         return '\n'.join(lines)
 
 
+#: Margins are printed at once if the inputs times the cube of the states are no more: 3 s.
+_AT_ONCE = 1_500_000
 #: Names of python-control and MATLAB.
 _MARGINS = {
     **dict.fromkeys(('gm', 'gain_margin', 'GainMargin', 'gain'), '.upper_gain.value'),

@@ -2,7 +2,9 @@
 """`kr.tune`: published estimates, identified systems, intervals, and what is not determined."""
 
 import csv
+import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from tuned_cases import COVERED, likelihood, recorded
 import kalman_ros as kr
 from kalman_ros.analysis.tuning import ascent
 from kalman_ros.analysis.tuning.likelihood import Likelihood
+from kalman_ros.compiled.parts import VARIABLE
 
 NILE = {'model_parameters.noise_density': 100.0, 'reading.noise': [10.0]}
 #: Readings a second, and seconds.
@@ -370,3 +373,24 @@ def test_an_interrupted_fit_in_python_is_an_interrupt(monkeypatch):
     monkeypatch.setattr(ascent, 'scoring_step', interrupted)
     with pytest.raises(KeyboardInterrupt):
         kr.tune(level, np.arange(9), np.ones(9), initial=([0.0], [[1.0]]))
+
+
+@pytest.mark.slow
+def test_a_function_that_is_no_formula_says_that_python_computes(monkeypatch):
+    monkeypatch.setenv(VARIABLE, 'compiled')
+
+    def swing(root, k=2.0):
+        def rate(x, u):
+            return np.array([x[1], -k * root(x[0])])
+
+        model = kr.continuous_model(rate, W=[0.0, 0.01], states=['a', 'b'], max_step=0.1)
+        return model, ([1.0, 0.0], 0.01), ([0.5, 0.0], [0.1, 0.1])
+
+    times = 0.1 * np.arange(20)
+    readings = 0.5 * np.cos(1.4 * times)
+    slow = kr.tune(partial(swing, lambda a: math.sin(float(a))), times, readings)
+    assert slow.arithmetic.startswith('numpy (') or '; model: numpy (' in slow.arithmetic
+    assert 'computed by' in str(slow)
+    fast = kr.tune(partial(swing, np.sin), times, readings)
+    assert 'computed by' not in str(fast) and fast.arithmetic == 'C'
+    assert fast.values['k'] == pytest.approx(slow.values['k'], rel=1e-4)
