@@ -84,6 +84,11 @@ def known(
 def refuse(parameters: Collection[str], known: Collection[str], sensors: Collection[str]) -> None:
     """Raise ValueError for the first of the ``parameters`` that is not ``known``, with a hint."""
     _refuse_foreign(parameters)
+    if 'initial' in parameters:
+        raise ValueError(
+            "unknown parameter 'initial', an argument of kr.filter: in a file these are "
+            'initial_estimate and initial_std, .inf for what is unknown'
+        )
     _refuse_unlisted(parameters, known, sensors)
     refuse_unknown(parameters, known, 'parameter')
 

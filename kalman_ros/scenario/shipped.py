@@ -41,6 +41,9 @@ def file(scenario: str | Path) -> Path:
     ValueError
         If there is none; the message has the nearest name, or else the known ones.
     """
+    if not isinstance(scenario, (str, Path)):
+        got = type(scenario).__name__
+        raise ValueError(f'scenario: expected a name or one file, and overrides, got a {got}')
     if str(scenario).endswith(('.yaml', '.yml')):
         path = Path(scenario)
         if not path.is_file():
