@@ -10,6 +10,7 @@ from tools.doctor_score.recordings import recorded
 from kalman_ros.analysis.diagnosis import lateness
 from kalman_ros.analysis.diagnosis.diagnose import diagnose
 from kalman_ros.analysis.diagnosis.examination import Examination
+from kalman_ros.analysis.diagnosis.hypotheses import walks
 from kalman_ros.analysis.diagnosis.passage import explained
 
 SENSORS = 'odometry', 'imu'
@@ -110,3 +111,24 @@ def test_an_input_that_is_stamped_late_is_found(name, tau, least):
     assert (first.kind, first.subject) == ('stamps late', 'input')
     assert first.change == {'input.stamp_offset': pytest.approx(-tau, abs=0.05)}
     assert 's before its stamps' in first.sentence and first.certainty > least
+
+
+@pytest.mark.slow
+def test_the_model_has_no_rate_of_what_walks_at_random(robot):
+    spring = recorded('mass_spring_damper', None, 10.0, 3)
+    assert walks(robot, Examination(robot).passage, 'imu')
+    assert not walks(spring, Examination(spring).passage, 'position')
+
+
+@pytest.mark.parametrize(('far', 'longest'), [(False, 0.09), (True, 2.43)])
+def test_times_up_to_a_tenth_of_a_second_are_tried_where_the_filter_fits(far, longest):
+    tried, search = [], object.__new__(lateness.TimeSearch)
+    search._longest = 5.0
+
+    def gain(tau):
+        tried.append(abs(tau))
+        return 0.0
+
+    search.gain = gain
+    assert search.likeliest(0.01, far) is None
+    assert max(tried) == pytest.approx(longest)

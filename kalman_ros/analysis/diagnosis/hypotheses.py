@@ -19,6 +19,9 @@ from .parameters import STEP, Varied, varied
 from .passage import Passage
 from .responses import Columns, Pushes, Responses, responses
 
+#: Readings over which movements are compared, and the share that rates of the model leave of them
+#: where they tell nothing.
+_SPAN, _UNEXPLAINED = 10, 0.9
 #: A changing offset is constant in each piece: largest number of pieces, and shortest piece (s).
 PIECES, _SHORTEST = 30, 1.0
 #: Number of trial delays of inputs, from one sample of the loop on, and the longest (s), also as a
@@ -148,6 +151,23 @@ def _sensor_columns(
 def directions(evidence: Evidence, passage: Passage, name: str) -> Array:
     """Return the direction, -1 or 1, in which each coordinate of a sensor moves (N, k)."""
     return _directions(_rates(evidence, passage, name))
+
+
+def walks(evidence: Evidence, passage: Passage, name: str) -> bool:
+    """Return whether what a sensor reads moves otherwise than by the rates of the model.
+
+    Some states walk at random, and then the filter moves by its corrections.
+    """
+    times, index, nu = (passage.series(field, name) for field in ('time', 'index', 'innovation'))
+    predicted = evidence.sensors[name].value[index] - nu
+    rates = _rates(evidence, passage, name)
+    by_rates = np.cumsum(rates * np.diff(times, prepend=times[:1])[:, None], axis=0)
+    moved, expected = (np.diff(each[::_SPAN], axis=0) for each in (predicted, by_rates))
+    if not len(moved):
+        return False
+    size = np.median(moved**2, axis=0)
+    left = np.median((moved - expected) ** 2, axis=0)
+    return bool(np.any(left > _UNEXPLAINED * size))
 
 
 def _rates(evidence: Evidence, passage: Passage, name: str) -> Array:

@@ -18,6 +18,7 @@ from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .filter_pass import passage
 from .finding import Finding
+from .hypotheses import walks
 from .passage import Passage, explained_in_both
 from .peak import deviation, peak
 from .responses import Fit
@@ -32,8 +33,9 @@ _EARLIEST, _LATEST, _SHARE = 0.002, 1.0, 0.1
 _FEWEST, _STEP, _PROMISING = 20, (0.01, 0.05), 10.0
 #: Number of readings on which times are tried.
 _PART = 3000
-#: Mean square of innovations from which long times are tried, and the ratio of one to the next.
-MISFIT, _FARTHER = 1.2, 3.0
+#: Mean square of innovations from which times beyond the second number (s) are tried, and the
+#: ratio of one to the next.
+MISFIT, _NEAR, _FARTHER = 1.2, 0.2, 3.0
 
 
 def find(case: Examination) -> list[Finding]:
@@ -110,7 +112,10 @@ def _by_passes(case: Examination) -> Iterator[Finding]:
     for name in case.judged:
         fit, count = case.responses.first('stamp', name), len(case.passage.of(name))
         least = min(max(case.evidence.duration / max(count, 1), _STEP[0]), _STEP[1])
-        if fit is None or count < _FEWEST or (not far and 0.0 < fit.std[0] <= least):
+        if fit is None or count < _FEWEST:
+            continue
+        known = 0.0 < fit.std[0] <= least and not walks(case.evidence, case.passage, name)
+        if known and not far:
             continue
         search = TimeSearch(case, partial(shift_stamps, case.evidence, name), explained_in_both)
         found = search.likeliest(least, far)
@@ -159,10 +164,10 @@ class TimeSearch:
     def likeliest(self, least: float, far: bool = True) -> Fit | None:
         """Return the time that explains most, if any does.
 
-        Times of ``least`` s are tried in both directions, and if it may be ``far`` longer ones.
+        Times from ``least`` s on are tried in both directions, and if it may be ``far`` long ones.
         """
-        times = [least]
-        while far and _FARTHER * times[-1] < self._longest:
+        times, longest = [least], self._longest if far else _NEAR
+        while _FARTHER * times[-1] < longest:
             times.append(_FARTHER * times[-1])
         tau = max((sign * time for time in times for sign in (-1.0, 1.0)), key=self.gain)
         return self.from_time(tau) if self.gain(tau) > _PROMISING else None
