@@ -18,12 +18,18 @@ def curved(scenario: Scenario) -> Iterator[str]:
     if not filter_class(scenario.filter).linearises_once:
         return
     belief = scenario.initial_belief
+    if not np.isfinite(belief.covariance).all():
+        return
     for name, source in scenario.enabled.items():
         sensor = source.sensor
         noise = np.sqrt(sensor.covariance.diagonal())
-        terms = second_order(sensor, scenario.model.state, belief)
+        try:
+            terms = second_order(sensor, scenario.model.state, belief)
+        except Exception:  # a sensor of a user, at a state that it does not have
+            continue
+        terms = np.nan_to_num(terms, nan=0.0, posinf=0.0)
         worst = int(np.argmax(np.where(noise > 0.0, terms / np.maximum(noise, 1e-300), 0.0)))
-        if np.isfinite(terms[worst]) and terms[worst] > noise[worst] > 0.0:
+        if terms[worst] > noise[worst] > 0.0:
             output = sensor.output
             unit = f' {output.units[worst]}'.rstrip()
             yield (

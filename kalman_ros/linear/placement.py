@@ -30,8 +30,8 @@ from .structure import (
 _ACCURACY = 1e-4
 
 #: Coefficients of the polynomial of repeated poles may be off by this much, relative to the
-#: largest; the number of gains that are tried for them.
-_OFF, _TRIES = 1e-6, 12
+#: largest, and those of one input by rounding; the number of gains that are tried for them.
+_OFF, _EXACT, _TRIES = 1e-6, 1e-13, 12
 
 #: Poles that differ by less, relative to the largest, are equal.
 _SAME = 1e-7
@@ -94,9 +94,10 @@ def _placed(
     methods = [_chained_gain]
     if repeated <= independent:
         methods.insert(0, lambda A, B, poles: _robust_gain(A, B, poles, independent))
-    alone = B.shape[1] == 1  # the gain is unique, and the most accurate one is taken
-    if alone:
+    enough = _OFF
+    if B.shape[1] == 1:  # the gain is unique, and the most accurate one is taken
         methods.insert(0, _gain_of_one_input)
+        enough = _EXACT
     best, off, found = None, np.inf, np.full(len(A), np.nan, dtype=complex)
     # as robust as can be in the units that are given, unless they are too different
     for method in methods:
@@ -110,7 +111,7 @@ def _placed(
             wrong = _distance(closed, wanted)
             if wrong < off:
                 best, off, found = K / units, wrong, eigenvalues(closed)
-            if best is not None and off <= _OFF and not alone:
+            if best is not None and off <= enough:
                 # eigenvalues of a chain of k scatter by the k-th root of the rounding
                 return PlacementDesign(best, found if repeated <= independent else wanted)
     near = _farthest(found, wanted) <= _ACCURACY * np.abs(wanted).max()
@@ -212,6 +213,8 @@ def _gain_of_one_input(A: Array, B: Array, poles: ComplexArray) -> Array:
     row = np.zeros(n, dtype=np.longdouble)
     row[-1] = 1.0
     below, H = H.diagonal(-1), H[1:, 1:]
+    if not below.all():
+        raise np.linalg.LinAlgError('a mode is out of reach')
     for pole in poles[poles.imag >= 0.0].astype(np.clongdouble) / rate:
         if pole.imag:
             row = (row @ H - 2.0 * pole.real * row) @ H + abs(pole) ** 2 * row
@@ -261,26 +264,35 @@ def _jordan(poles: ComplexArray) -> Array:
 def sampled_place(A: Array, B: Array, poles: Sequence[complex], dt: float) -> PlacementDesign:
     """Return the gain for an input held over steps of ``dt``, with ``poles`` in 1/s.
 
-    A pole s becomes z = exp(s dt), so the samples follow a continuous loop with
-    poles s . The `PlacementDesign` has the z. The gain is that of differences, (F - 1) / dt and
+    A pole s becomes z = exp(s dt), so that the samples follow a continuous loop with the poles
+    s. The `PlacementDesign` has the z. The gain is that of differences, (F - 1) / dt and
     poles (z - 1) / dt, which stay what they are where steps are short (R. Middleton and
     G. Goodwin, Digital Control and Estimation: A Unified Approach, 1990).
 
     Raises
     ------
     ValueError, DesignError
-        As `place`.
+        As `place`; DesignError if samples hide a mode that the input moves, as those of half a
+        period do.
     """
     rates = _checked(len(A), poles)
     _refuse_stuck(A, B)
     _, held = zero_order_hold(A, np.eye(len(A)), dt)
-    wanted = _gathered(np.asarray(np.expm1(rates * dt) / dt, dtype=complex))
+    changes = A @ held / dt, held @ B / dt
+    with np.errstate(over='ignore', invalid='ignore'):
+        wanted = _gathered(np.asarray(np.expm1(rates * dt) / dt, dtype=complex))
+    if not np.isfinite(wanted).all():
+        raise DesignError(f'poles: samples of {dt:g} s have none at {describe(rates)}')
 
     def shown(found: ComplexArray) -> ComplexArray:
         with np.errstate(divide='ignore'):
             return np.asarray(np.log1p(found.astype(complex) * dt) / dt)
 
-    design = _placed(A @ held / dt, held @ B / dt, wanted, shown)
+    lost = uncontrollable_modes(*changes)
+    if lost.size:
+        modes = describe_distinct(shown(lost))
+        raise DesignError(f'poles: in samples of {dt:g} s no input moves the modes at {modes}')
+    design = _placed(*changes, wanted, shown)
     return PlacementDesign(design.gain, 1.0 + dt * design.poles)
 
 

@@ -62,3 +62,18 @@ def test_a_straight_sensor_has_none():
     assert isinstance(sensor, Radar)
     certain = Gaussian(scenario.initial_belief.mean, np.zeros((5, 5)))
     np.testing.assert_array_equal(second_order(sensor, scenario.model.state, certain), 0.0)
+
+
+def test_a_sensor_that_fails_elsewhere_is_not_judged(monkeypatch):
+    scenario = build(RADAR, with_law=False)
+
+    def fail(sensor, x):
+        raise ValueError('x is no such place')
+
+    monkeypatch.setattr(Radar, 'measure', fail)
+    assert list(curved(scenario)) == []
+
+
+def test_an_unknown_first_state_is_not_judged():
+    scenario = build({**RADAR, 'initial_std': [np.inf, 2.0, 0.5, 0.2, 0.2]}, with_law=False)
+    assert list(curved(scenario)) == []

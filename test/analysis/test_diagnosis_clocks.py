@@ -70,6 +70,17 @@ def test_a_clock_that_is_set_is_an_offset_from_then_on(spring, seconds):
     np.testing.assert_allclose(found.mended().sensors[name].stamp, record.stamp, atol=1e-3)
 
 
+def test_what_has_no_stamp_is_not_moved(spring):
+    name, record = 'position', spring.sensors['position']
+    late, stamped = np.arange(len(record)) >= 80, np.arange(len(record)) % 10 > 0
+    stamp = np.where(stamped, record.stamp + 0.25 * late, record.received)
+    mixed = spring.with_sensor(name, replace(record, stamp=stamp, stamped=stamped))
+    (found,) = of_clocks(mixed)
+    mended = found.mended().sensors[name].stamp
+    np.testing.assert_array_equal(mended[~stamped], stamp[~stamped])
+    np.testing.assert_allclose(mended[stamped], record.stamp[stamped], atol=1e-3)
+
+
 def test_a_network_that_becomes_slower_leaves_stamps_right(spring):
     name, record = 'position', spring.sensors['position']
     late = np.arange(len(record)) >= 80

@@ -3,6 +3,7 @@
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -371,3 +372,15 @@ def test_a_factor_far_from_one_is_that_of_the_readings():
     size, std = re.search(r'multiplied by (\S+) ± (\S+):', found.sentence).groups()
     assert float(size) == pytest.approx(1.0 / 5.61, abs=3.0 * float(std))
     assert float(std) < 0.05 * float(size)
+
+
+def test_a_factor_of_readings_with_the_wrong_sign_is_next_to_none():
+    """The root of which nothing cancels, where a reading is far on the other side."""
+    y, noise, count = 5e6, 0.01, 100
+    information = np.array([[count * y**2 / noise**2]])
+    responses = SimpleNamespace(
+        columns=lambda *_: [0], gradient=2.0 * information[0], information=information
+    )
+    case = SimpleNamespace(responses=responses, passage=SimpleNamespace(of=lambda _: range(count)))
+    factor, std = units._of_readings(case, 'gnss', (0,))
+    assert factor == pytest.approx(4e-18, rel=1e-6) and 0.0 < std < factor

@@ -287,4 +287,6 @@ def test_rounding_is_printed_as_zero():
 def test_a_gain_of_many_states_prints_at_once():
     gain = kr.lqr(np.diag(np.linspace(-3.0, -1.0, 120)), np.ones((120, 1)), 1, 1)
     assert '.margins computes them' in str(gain) and 'margins at' not in str(gain)
+    vars(gain)['margins'] = kr.lqr([[0, 1], [0, 0]], [0, 1], 1, 1).margins  # as if asked for
+    assert 'margins at' in str(gain)
     assert 'margins at' in str(kr.lqr([[0, 1], [0, 0]], [0, 1], 1, 1))

@@ -189,3 +189,22 @@ def test_a_short_step_has_nearly_the_gain_of_none(dt):
     A, B = np.array([[-1.0, 0.3], [0.0, -2.0]]), np.array([[0.0], [1.0]])
     expected = place(A, B, [-3.0, -4.0]).gain
     np.testing.assert_allclose(sampled_place(A, B, [-3.0, -4.0], dt).gain, expected, rtol=1e-5)
+
+
+@pytest.mark.parametrize('periods', [0.5, 1.5])
+def test_samples_of_half_a_period_hide_an_oscillation(periods):
+    oscillator = np.array([[0.0, 1.0], [-4.0, 0.0]]), np.array([[0.0], [1.0]])
+    dt = periods * np.pi  # a period is pi
+    with pytest.raises(DesignError, match=r'^poles: in samples of \S+ s no input moves the modes'):
+        sampled_place(*oscillator, [-1.0, -2.0], dt)
+
+
+def test_a_sampled_mode_out_of_reach_is_named_as_it_is():
+    A, B = np.diag([-1.0, -2.0]), np.array([[1.0], [0.0]])
+    with pytest.raises(DesignError, match=r'^poles: no input moves the modes at -2$'):
+        sampled_place(A, B, [-3.0, -4.0], 0.1)
+
+
+def test_a_pole_that_no_sample_has_is_refused():
+    with pytest.raises(DesignError, match=r'^poles: samples of 1 s have none at'):
+        sampled_place(A, B, [-1.0, 800.0], 1.0)

@@ -268,3 +268,13 @@ def test_an_error_of_samples_says_that_the_numbers_are_theirs(monkeypatch):
     monkeypatch.setattr('kalman_ros.control.lqr.dlqr', fail)
     with pytest.raises(DesignError, match=r'got the diagonal \(0.1\); these are the costs of a'):
         sampled_lqr(system(*INTEGRATORS), weights, 0.1)
+
+
+@pytest.mark.parametrize('count', [3, 5])
+def test_an_input_at_the_end_of_a_chain_weighs_nothing_for_long(count):
+    F, G = np.diag(np.ones(count - 1), 1), np.eye(count)[:, -1:]
+    Q = np.diag([1.0, *np.zeros(count - 1)])
+    found = dlqr(F, G, Cost(Q, np.zeros((1, 1)), np.zeros((count, 1))))
+    # what is in the chain arrives, and costs once
+    np.testing.assert_allclose(found.cost_to_go, np.eye(count), atol=1e-12)
+    np.testing.assert_allclose(found.gain, np.zeros((1, count)), atol=1e-12)

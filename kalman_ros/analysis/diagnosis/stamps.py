@@ -206,7 +206,8 @@ def _find_clock_error(case: Examination, name: str, record: SensorRecord) -> Ite
     evidence, delays = case.evidence, _uncorrected(case.evidence, name)
     stamped = record.stamped
     delays, received = delays[stamped], record.received[stamped]
-    if len(delays) < 3 or _jump(delays) is not None:
+    jumps = len(delays) > 2 and _jump(delays) is not None
+    if len(delays) < 3 or (jumps and [*_find_set_clock(case, name, record)]):
         return
     rate = slope(received, delays)
     drifted = rate * np.ptp(received)
@@ -215,7 +216,7 @@ def _find_clock_error(case: Examination, name: str, record: SensorRecord) -> Ite
     fit = level + rate * (record.received - received[0])
     mended = evidence.with_sensor(name, replace(record, stamp=record.stamp + fit))
     figure = picture(name, record, 'its clock against the recorder')
-    if abs(drifted) > max(_DRIFTED, spread):
+    if abs(drifted) > max(_DRIFTED, spread) and not jumps:
         yield Finding(
             'clock drift', name,
             f'the clock that stamps {name} drifts by {1e6 * -rate:+.0f} ppm against the recorder, '
@@ -263,7 +264,7 @@ def _find_set_clock(case: Examination, name: str, record: SensorRecord) -> Itera
         return
     _, before, after = jump
     late = np.arange(len(record)) >= stamped[jump.at]
-    wrong = late if abs(after) > abs(before) else ~late
+    wrong = (late if abs(after) > abs(before) else ~late) & record.stamped
     shift = after - before if abs(after) > abs(before) else before - after
     mended = case.evidence.with_sensor(name, replace(record, stamp=record.stamp + shift * wrong))
     if min(before, after) > -_AHEAD and not _improves_fit(case, mended):

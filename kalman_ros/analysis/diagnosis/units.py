@@ -249,7 +249,8 @@ def _of_readings(case: Examination, name: str, group: tuple[int, ...]) -> tuple[
     N = len(case.passage.of(name)) * len(group)
     if not M > 0.0:
         return 1.0, 0.0
-    factor = (M - g + ((M - g) ** 2 + 4.0 * M * N) ** 0.5) / (2.0 * M)
+    root = ((M - g) ** 2 + 4.0 * M * N) ** 0.5
+    factor = (M - g + root) / (2.0 * M) if g < M else 2.0 * N / (g - M + root)
     return factor, (M + N / factor**2) ** -0.5
 
 
