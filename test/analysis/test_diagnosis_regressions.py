@@ -584,10 +584,11 @@ def test_only_an_offset_that_wanders_has_the_likelihood_of_a_walk(monkeypatch, i
 def test_an_offset_is_described_by_its_size_its_rate_or_its_range():
     limits = np.array([2.0, 4.0, 6.0, 8.0, 10.0])
     fit = SimpleNamespace(std=np.array([0.25]))
-    values = np.array([1.0, 2.0, 3.0, 4.0])
+    values, level = np.array([1.0, 2.0, 3.0, 4.0]), np.array([0.0, 0.0, 4.0, 4.0])
     for course, words in (
         (bias.Course('constant', values, 1.0, fit), 'by +4 ± 0.2'),
-        (bias.Course('step', values, 1.0, fit, began=2), 'by +4 ± 0.2 from t = 4 s on'),
+        (bias.Course('step', level, 1.0, fit, began=2), 'by +4 ± 0.2 from t = 4 s on'),
+        (bias.Course('step', level - 1.0, 1.0, fit, began=2), 'by +4 ± 0.2 from t = 4 s on'),
         (bias.Course('ramp', values, 1.0), 'drifts by +0.5 a second'),
         (bias.Course('walk', values, 1.0), 'wanders between +1 and +4'),
     ):

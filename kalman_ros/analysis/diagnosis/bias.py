@@ -202,7 +202,7 @@ def courses_of(
 
 
 def _best_course(
-    responses: Responses, columns: Sequence[int], kind: str, cost: float, about: bool
+    responses: Responses, columns: Sequence[int], kind: str, cost: float, about: bool = False
 ) -> Course:
     """Return the best course of a kind over the pieces of one coordinate."""
     if kind == 'walk':

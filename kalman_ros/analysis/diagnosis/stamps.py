@@ -209,14 +209,14 @@ def _find_clock_error(case: Examination, name: str, record: SensorRecord) -> Ite
     jumps = len(delays) > 2 and _jump(delays) is not None
     if len(delays) < 3 or (jumps and [*_find_set_clock(case, name, record)]):
         return
-    rate = slope(received, delays)
+    rate = 0.0 if jumps else slope(received, delays)
     drifted = rate * np.ptp(received)
     level = float(np.median(delays - rate * (received - received[0])))
     spread = float(np.ptp(np.quantile(delays - rate * received, (0.05, 0.95))))
     fit = level + rate * (record.received - received[0])
     mended = evidence.with_sensor(name, replace(record, stamp=record.stamp + fit))
     figure = picture(name, record, 'its clock against the recorder')
-    if abs(drifted) > max(_DRIFTED, spread) and not jumps:
+    if abs(drifted) > max(_DRIFTED, spread):
         yield Finding(
             'clock drift', name,
             f'the clock that stamps {name} drifts by {1e6 * -rate:+.0f} ppm against the recorder, '
