@@ -384,3 +384,13 @@ def test_a_factor_of_readings_with_the_wrong_sign_is_next_to_none():
     case = SimpleNamespace(responses=responses, passage=SimpleNamespace(of=lambda _: range(count)))
     factor, std = units._of_readings(case, 'gnss', (0,))
     assert factor == pytest.approx(4e-18, rel=1e-6) and 0.0 < std < factor
+
+
+def test_a_filter_that_fits_has_no_factor_far_from_one():
+    """The largest gain of a factor is then one of the noise."""
+    spring = recorded('mass_spring_damper', None, 20.0, 3)
+    wide = Examination(spring.adopting({'position.noise': [1.0], 'velocity.noise': [3.0]}))
+    assert wide.passage.mean_square < 0.5
+    factors = [float(each.sentence.partition('multiplied by ')[2].split()[0])
+               for each in units.find(wide) if each.kind == 'scale']  # fmt: skip
+    assert all(0.75 < factor < 1.3 for factor in factors)

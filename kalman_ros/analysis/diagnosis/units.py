@@ -68,8 +68,9 @@ _TEMPERATURE = ('', 'K', 'C', 'degC')
 #: Factors that are likelier than a unit: a radius for a diameter, edges that are counted twice.
 _PLAIN = (0.5, 2.0)
 #: A unit that differs from the fitted factor must explain this share of the misfit, and so must
-#: another factor, whose logarithm differs by more than the second number.
-_EXPLAINED, _FAR = 0.5, 0.25
+#: another factor, whose logarithm differs by more than the second number, where innovations are
+#: larger than expected by the third share.
+_EXPLAINED, _FAR, _MISFIT = 0.5, 0.25, 0.2
 #: A temperature in another unit has this share of the gain of the best scale and zero.
 _SAME = 0.98
 #: Two factors are equal if their relative difference is below the first number. A factor that
@@ -227,12 +228,13 @@ def _likeliest_factor(
     if abs(factor) < 1e-6:
         factor = 1e-6
     space = case.evidence.scenario.sensors[name].sensor.output
-    far, far_std = _of_readings(case, name, group)
     stds = dict.fromkeys((-1.0, *conversions(space, group)), 0.0)
-    if factor < 0.0 or abs(log(far / factor)) > _FAR:
-        stds[far] = far_std
-    best = max(stds, key=gain)
     excess = float(np.sum(case.passage.square - case.passage.sizes))
+    if excess > _MISFIT * float(np.sum(case.passage.sizes)):
+        far, far_std = _of_readings(case, name, group)
+        if factor < 0.0 or abs(log(far / factor)) > _FAR:
+            stds[far] = far_std
+    best = max(stds, key=gain)
     likelier = gain(best) > max(gain(factor), _EXPLAINED * excess)
     return (best, stds[best]) if likelier else (factor, std)
 
