@@ -8,10 +8,13 @@ CasADi, or where a function cannot be traced, numpy computes as ever.
 
 from __future__ import annotations
 
+from importlib import import_module
 from importlib.util import find_spec
 from typing import Any, Literal, NamedTuple, TypeVar
 
 from kalman_ros.core import Dynamics, Sensor, Space
+
+from .untraceable import UntraceableError
 
 T = TypeVar('T', Dynamics, Sensor)
 #: What computes: C, the virtual machine of CasADi, or numpy.
@@ -78,8 +81,6 @@ def attempt(
     ``one_of_many`` stays as it is if others like it had to be traced again.
     """
     if isinstance(original, Dynamics):
-        if original.is_discrete:
-            return Outcome(original, 'numpy', 'it is in discrete time')
         gains = not original.is_linear
     else:
         gains = bool(original.output.rotations) or not original.linear
@@ -92,7 +93,7 @@ def attempt(
     if isinstance(original, Derived):
         return Outcome(original, original.arithmetic)
     try:
-        from .symbols import UntraceableError
+        import_module('casadi')
     except Exception as error:
         return Outcome(original, 'numpy', f'CasADi cannot be used: {_in_a_line(error)}')
     try:
@@ -107,7 +108,6 @@ def _verified(original: Any, state: Space | None, wait: bool, one_of_many: bool)
     """Return a compiled part that does what the original does."""
     from . import formulas, native_model
     from .free_parameters import Parameters
-    from .symbols import UntraceableError
 
     if one_of_many and not Parameters(original).comparable:
         raise UntraceableError('it has attributes that cannot be compared')
@@ -135,7 +135,9 @@ def _model(original: Any, _: Space, wait: bool) -> Outcome:
     try:
         return Outcome(native_model(original, wait=wait), 'C')
     except Exception as error:
-        return _by_casadi(interpreted_model(original), error)
+        if not original.is_discrete:
+            return _slower(interpreted_model(original), 'CasADi', error)
+        return _slower(original, 'numpy', error)
 
 
 def _sensor(original: Any, state: Space, wait: bool) -> Outcome:
@@ -145,12 +147,13 @@ def _sensor(original: Any, state: Space, wait: bool) -> Outcome:
     try:
         return Outcome(native_sensor(original, state, wait=wait), 'C')
     except Exception as error:
-        return _by_casadi(interpreted_sensor(original, state), error)
+        return _slower(interpreted_sensor(original, state), 'CasADi', error)
 
 
-def _by_casadi(found: Any, error: Exception) -> Outcome:
+def _slower(found: Any, arithmetic: Arithmetic, error: Exception) -> Outcome:
+    """Return what computes in the place of C, with the reason."""
     from .library import CompilerError
 
     if isinstance(error, CompilerError):
-        return Outcome(found, 'CasADi', str(error), error.pending)
-    return Outcome(found, 'CasADi', _in_a_line(error))
+        return Outcome(found, arithmetic, str(error), error.pending)
+    return Outcome(found, arithmetic, _in_a_line(error))

@@ -3,29 +3,11 @@
  * The matrices of a step about a point, `linear.discretize.flow` with the same operations in the
  * same order: F = exp(A dt), and Q, what noise of density W adds.
  *
- * What stands before this text is series.c, and what that needs; and generated from the model: the
- * functions jacobian and density, of x, u and p and of x and p.
+ * What stands before this text is series.c, and what that needs, and matrices.c; and generated from
+ * the model: the functions jacobian and density, of x, u and p and of x and p.
  */
 
 enum { DONE = 0, INFINITE_JACOBIAN = 1, OVERFLOW_WITHIN = 2 };
-
-/* C = A B */
-INLINE void dense_product(const real *A, const real *B, real *C)
-{
-    memset(C, 0, ORDER * ORDER * sizeof *C);
-    for (int i = 0; i < ORDER; i++)
-        for (int k = 0; k < ORDER; k++)
-            for (int j = 0; j < ORDER; j++)
-                C[i * ORDER + j] += A[i * ORDER + k] * B[k * ORDER + j];
-}
-
-static int all_finite(const real *A)
-{
-    for (int i = 0; i < ORDER * ORDER; i++)
-        if (!isfinite(A[i]))
-            return 0;
-    return 1;
-}
 
 /* The number of halvings after which a step is short; -1 where the Jacobian is not finite. */
 INLINE int halvings_of(const real *a, real dt)

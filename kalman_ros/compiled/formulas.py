@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 import casadi
 import numpy as np
 
-from kalman_ros.core import Array, Model, Sensor, Space
+from kalman_ros.core import Array, DiscreteModel, Dynamics, Model, Sensor, Space
 from kalman_ros.core.model import MOST_SUBSTEPS
 
 from .free_parameters import Parameters
-from .symbols import UntraceableError
 from .tracing import Trace, agree, trace
+from .untraceable import UntraceableError
 
 #: A Jacobian that is coded by hand, or numerical, may differ this much from the exact one.
 _CLOSE = 1e-5
@@ -24,17 +24,16 @@ _SHORT = 1e-9
 _PACKAGE = __name__.partition('.')[0]
 
 
-#: Functions of `Model` that compiled steps do not call.
+#: Functions of models that compiled steps do not call.
 _OF_STEPS = ('substeps', 'transition', 'linearized_step', 'noise_covariance', 'differenced_step')
+_OF_PERIODS = ('step', 'transition', 'linearized_step', 'noise_covariance')
 
 
-def overridden(model: Model) -> set[str]:
-    """Return the functions of `Model` that the class of a user defines in another way."""
+def overridden(model: Dynamics, functions: Iterable[str] = ('step', *_OF_STEPS)) -> set[str]:
+    """Return those of some functions that the class of a user defines in another way."""
     kind = type(model)
     return {
-        name
-        for name in ('step', *_OF_STEPS)
-        if not getattr(kind, name).__module__.startswith(f'{_PACKAGE}.')
+        name for name in functions if not getattr(kind, name).__module__.startswith(f'{_PACKAGE}.')
     }
 
 
@@ -80,6 +79,30 @@ class ModelFormulas(NamedTuple):
         return {name: each for name, each in self._asdict().items() if isinstance(each, Trace)}
 
 
+class DiscreteModelFormulas(NamedTuple):
+    """What steps of a model in discrete time are made of, for numbers p of the model.
+
+    Parameters
+    ----------
+    substep
+        The state x' after a period, of x, u and p; not wrapped.
+    wrap
+        The state x with its angles and rotations as they are stored.
+    slope
+        F of x, u and p.
+    density
+        Q of a period, of x and p.
+    period
+        Of p.
+    """
+
+    substep: Trace
+    wrap: Trace
+    slope: Trace
+    density: Trace
+    period: Trace
+
+
 class SensorFormulas(NamedTuple):
     """What a sensor is made of: the reading, and H, of x and p."""
 
@@ -114,7 +137,7 @@ def _far(center: Array) -> Array:
     return np.vstack((center, center + moved))
 
 
-def points_about(model: Model) -> tuple[Array, Array]:
+def points_about(model: Dynamics) -> tuple[Array, Array]:
     """Return states (3, n) and inputs (3, m) about the equilibrium of a model."""
     rest = model.equilibrium
     return _points(rest.state), _points(rest.input)
@@ -159,6 +182,37 @@ def of_model(model: Model, parameters: Parameters) -> ModelFormulas:
     wrap = trace(space.wrap, *((4.0 * x,) for x in states))
     slope = None if model.analytic else _slope(space, substep)
     return ModelFormulas(derivative, substep, wrap, jacobian, density, slope, most)
+
+
+def of_discrete_model(model: DiscreteModel, parameters: Parameters) -> DiscreteModelFormulas:
+    """Return the formulas of a model in discrete time.
+
+    Raises
+    ------
+    UntraceableError
+        If a function cannot be traced, or its Jacobian is not the derivative.
+    """
+    for name in sorted(overridden(model, _OF_PERIODS)):
+        raise UntraceableError(f'its class defines {name}')
+    space, given, p = model.state, parameters.applied, parameters.values
+    states, inputs = points_about(model)
+    probes = [(x, u, p) for x, u in zip(states, inputs)]
+    substep = trace(lambda x, u, p: given(p).next(x, u), *probes)
+    slope = _slope(space, substep)
+    agree(
+        slope,
+        lambda x, u, p: given(p).next_jacobian(x, u)[0],
+        probes,
+        _CLOSE,
+        'its next_jacobian is not that of its next',
+    )
+    return DiscreteModelFormulas(
+        substep,
+        trace(space.wrap, *((4.0 * x,) for x in states)),
+        slope,
+        trace(lambda x, p: given(p).noise(x), *((x, p) for x in states)),
+        trace(lambda p: np.array([given(p).period]), (p,)),
+    )
 
 
 def _of_steps(
@@ -248,36 +302,37 @@ def of_space(space: Space) -> SpaceFormulas:
 
 
 def verify(
-    original: Model | Sensor, found: Any, state: Space, *, one_of_many: bool = False
+    original: Dynamics | Sensor, found: Any, state: Space, *, one_of_many: bool = False
 ) -> None:
     """Raise UntraceableError where a compiled part does not do what the original does.
 
     Of ``one_of_many`` that differ in numbers, fewer points are compared.
     """
-    if isinstance(original, Model):
+    if isinstance(original, Dynamics):
         _verify_model(original, found, 1 if one_of_many else None)
     else:
         _verify_sensor(original, found, state, 1 if one_of_many else None)
 
 
-def _verify_model(original: Model, found: Model, near: int | None) -> None:
+def _verify_model(original: Dynamics, found: Dynamics, near: int | None) -> None:
     """Compare a model at some points ``near`` its rest, or at all, and at others far away."""
     states, inputs = points_about(original)
+    dt = original.period or 0.01
     for x, u in zip(states[:near], inputs):
-        _verify(original.linearized_step, found.linearized_step, x, u, 0.01)
+        _verify(original.linearized_step, found.linearized_step, x, u, dt)
     rest = original.equilibrium
     far, inputs = _far(rest.state), _far(rest.input)
     _verify(
-        lambda x, u: (original.derivative(x, u), original.step(x, u, 0.01)),
-        lambda x, u: (found.derivative(x, u), found.step(x, u, 0.01)),
+        lambda x, u: (original.time_derivative(x, u), original.step(x, u, dt)),
+        lambda x, u: (found.time_derivative(x, u), found.step(x, u, dt)),
         far,
         inputs,
     )
-    some = slice(None, None, 2 if near else 1)
+    some, short = slice(None, None, 2 if near else 1), original.period or _SHORT
     for x, u in zip(far[some], inputs[some]):
         _verify(
             lambda x: (original.noise_density(x),),
-            lambda x, u=u: (found.noise_covariance(x, u, _SHORT) / _SHORT,),
+            lambda x, u=u: (found.noise_covariance(x, u, short) / short,),
             x,
         )
 

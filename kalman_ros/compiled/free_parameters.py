@@ -15,9 +15,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from kalman_ros.core import Array, Model, Sensor
+from kalman_ros.core import Array, Dynamics, Sensor
 
-from .symbols import UntraceableError
+from .scalars import of_symbols, rebound, scope
+from .untraceable import UntraceableError
 
 T = TypeVar('T')
 
@@ -35,7 +36,7 @@ class Parameters:
         Whether the numbers within its functions count, too.
     """
 
-    def __init__(self, original: Model | Sensor, *, opened: bool = False) -> None:
+    def __init__(self, original: Dynamics | Sensor, *, opened: bool = False) -> None:
         #: The model or sensor.
         self.original = original
         self._opened = opened
@@ -69,11 +70,11 @@ _closed: set[tuple[Hashable, ...]] = set()
 _MOST_CLOSED = 256
 
 
-def freed(original: Model | Sensor, use: Callable[[Parameters], T]) -> tuple[Parameters, T]:
+def freed(original: Dynamics | Sensor, use: Callable[[Parameters], T]) -> tuple[Parameters, T]:
     """Return the parameters of an object and what is made of them.
 
     Functions keep their numbers if nothing can be made with these as parameters, as where one
-    computes with `math` or decides by a number.
+    counts with a number.
     """
     opened, whole = Parameters(original, opened=True), Parameters(original)
     can = opened.comparable and opened.signature != whole.signature
@@ -93,7 +94,7 @@ _ZERO = object()
 
 def _numbers(value: Any, opened: bool, inside: tuple[Any, ...] = ()) -> Iterator[Any]:
     """Yield the numbers that are no zeros as floats, and all else as what can be compared."""
-    if isinstance(value, (Model, Sensor)) or (opened and hasattr(value, 'HAS_FUNCTION')):
+    if isinstance(value, (Dynamics, Sensor)) or (opened and hasattr(value, 'HAS_FUNCTION')):
         yield type(value)
         for name, attribute in vars(value).items():
             yield name
@@ -132,18 +133,14 @@ def _replaced(
     def again(each: Any) -> Any:
         return _replaced(each, numbers, opened, inside)
 
-    if isinstance(value, (Model, Sensor)) or (opened and hasattr(value, 'HAS_FUNCTION')):
+    if isinstance(value, (Dynamics, Sensor)) or (opened and hasattr(value, 'HAS_FUNCTION')):
         other = copy(value)
         vars(other).update({name: again(each) for name, each in vars(value).items()})
         return other
     if opened and _can_open(value, inside):
         cells, defaults, named = _replaced(_content(value), numbers, opened, (*inside, value))
-        other = FunctionType(
-            value.__code__, value.__globals__, value.__name__, tuple(defaults) or None,
-            tuple(map(CellType, cells)),
-        )  # fmt: skip
-        other.__kwdefaults__ = named
-        return other
+        names = scope(value.__globals__)
+        return rebound(value, names, tuple(defaults), named, tuple(map(CellType, cells)))
     if isinstance(value, np.ndarray) and value.dtype == float:
         flat = [next(numbers) if each else 0.0 for each in value.ravel().tolist()]
         whole = np.empty(len(flat), dtype=object)
@@ -159,7 +156,7 @@ def _replaced(
         return type(value)(*each) if hasattr(value, '_fields') else tuple(each)
     if isinstance(value, float):
         return next(numbers) if value else value
-    return value
+    return of_symbols(value) if opened else value
 
 
 def _can_open(value: Any, inside: tuple[Any, ...]) -> bool:

@@ -34,7 +34,7 @@ FAST = """/* the processor of this machine may have wider registers than all of 
 #define UNROLLED
 #endif
 """
-#: What each source begins with.
+#: Beginning of a source in C, with the macros of this package.
 HEAD = f"""#include <math.h>
 #include <string.h>
 typedef double real;

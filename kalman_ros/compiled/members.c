@@ -11,34 +11,6 @@ int linearized_step(double *v, double dt, double max_step, const double *p)
     return linearize(v, u, dt, max_step, p, moved, moved + N, moved + N + N * N);
 }
 
-/* `flow` of LANES members at once; 0 where one is not that simple, or lanes hold one alone. */
-FAST static int flows(const double *x, const double *u, double dt, const double **p, double *F,
-                      double *Q, int with_F)
-{
-    if (LANES == 1)
-        return 0;
-    lanes a[A_COUNT + 1], w[W_COUNT + 1], all_F[N * N], all_Q[N * N];
-    for (int l = 0; l < LANES; l++) {
-        double one[A_COUNT + 1], noise[W_COUNT + 1];
-        jacobian(x + l * N, u + l * M, p[l], one);
-        density(x + l * N, p[l], noise);
-        if (halvings_of(one, dt))
-            return 0;
-        for (int k = 0; k < A_COUNT; k++)
-            LANE(a[k], l) = one[k] * dt;
-        for (int k = 0; k < W_COUNT; k++)
-            LANE(w[k], l) = noise[k] * dt;
-    }
-    series_of_lanes(a, w, with_F, all_F, all_Q);
-    for (int l = 0; l < LANES; l++, F += N * N, Q += N * N) {
-        for (int i = 0; i < N * N; i++)
-            F[i] = LANE(all_F[i], l), Q[i] = LANE(all_Q[i], l);
-        if (!all_finite(Q))
-            return 0;
-    }
-    return 1;
-}
-
 /* `linearize` of some members, at most LANES; what fails is NaN. */
 INLINE void linearize_some(int some, const double *x, const double *u, double dt, double max_step,
                            const double **p, double *moved, double *F, double *Q)
@@ -323,15 +295,5 @@ void steps(double *v, long count, double dt, double max_step, const double *firs
     EACH(k, count) {
         advance(x, u, dt, max_step, p, moved, 0);
         moved += N;
-    }
-}
-
-void rates(double *v, long count, const double *first, long sets)
-{
-    const double *x = v, *u = x + count * N, *p = first;
-    double *rate = v + count * (N + M);
-    EACH(k, count) {
-        derivative(x, u, p, rate);
-        rate += N;
     }
 }

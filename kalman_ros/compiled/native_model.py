@@ -11,13 +11,22 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import Array, LinearizedStep, Model, Sensor, is_finite
+from kalman_ros.core import (
+    Array,
+    DiscreteModel,
+    Dynamics,
+    LinearizedStep,
+    Model,
+    Sensor,
+    is_finite,
+)
+from kalman_ros.core.discrete_model import MOST_PERIODS, TOLERANCE
 from kalman_ros.core.dynamics import CorrectedMoments
 from kalman_ros.core.model import like
 from kalman_ros.core.ordered_data import OrderedData, StepMatrices
 
 from .derived import derive
-from .formulas import of_model
+from .formulas import of_discrete_model, of_model
 from .free_parameters import Parameters, freed
 from .library import load
 from .native_pass import MOST_STATES, run
@@ -37,13 +46,18 @@ from .numbered import (
 )
 from .source import source
 
-_STEPS = 'series.c', 'flow.c', 'step.c', 'lanes.c', 'series.c', 'members.c', 'pass.c'
+#: C of the matrices of a step in continuous time.
+FLOW = 'series.c', 'matrices.c', 'flow.c'
+_CONTINUOUS = (
+    *FLOW, 'step.c', 'lanes.c', 'series.c', 'flows.c', 'members.c', 'rates.c', 'pass.c'
+)  # fmt: skip
+_DISCRETE = 'matrices.c', 'sampled.c', 'lanes.c', 'members.c', 'pass.c'
 #: Most numbers of a reading for which C corrects many members.
 MOST_READ = 12
 
 
-class NativeModel(Numbered, Model):
-    """A model whose rates, steps and linearisations are computed in C."""
+class NativeDynamics(Numbered, Dynamics):
+    """A model whose steps and linearisations are computed in C."""
 
     _c_shapes: tuple[tuple[int], tuple[int]]
     #: The address of `NativeSpace.arrived`; 0 without rotations.
@@ -100,7 +114,7 @@ class NativeModel(Numbered, Model):
             return super().predicted_moments(x, P, u, dt, number)
         if not is_finite(found):
             points, before = x.reshape(-1, n), covariances.reshape(-1, n, n)
-            for k, original in self._c_lost(covariance, NativeModel):
+            for k, original in self._c_lost(covariance, NativeDynamics):
                 at, C, input = points[k], before[k], u.reshape(len(points), -1)[k]
                 for _ in range(number):
                     F, Q = _linearized(original, at, input, dt)
@@ -199,19 +213,12 @@ class NativeModel(Numbered, Model):
         """Return the matrices of an extended filter that processes data in order."""
         return run(self, *belief, data, parts, sensors, limits, kept, MOST_READ)
 
-    def derivative(self, x: Array, u: Array) -> Array:
-        """Return dx/dt (..., n)."""
-        found = self._c_called(self._c_library.rates, x, u, x.shape[-1])
-        if found is None:
-            return super().derivative(x, u)  # type: ignore[safe-super]
-        return found.reshape(*_lead(x, u), x.shape[-1])
-
     def step(self, x: Array, u: Array, dt: float) -> Array:
         """Return the state (..., n) after ``dt`` seconds with ``u`` held, without noise."""
         u, n = like(u, x), x.shape[-1]
         found = self._c_called(self._c_library.steps, x, u, n, dt, self.max_step)
         if found is None:
-            return super().step(x, u, dt)  # which says what is wrong
+            return super().step(x, u, dt)  # type: ignore[safe-super]  # which says what is wrong
         return found.reshape(*_lead(x, u), n)
 
     def noise_covariance(self, x: Array, u: Array, dt: float) -> Array:
@@ -228,7 +235,7 @@ class NativeModel(Numbered, Model):
             raise ValueError(f'x, u: expected (..., n) and (..., m), got {x.shape}, {u.shape}')
         Q = found.reshape(-1, n, n)
         if not is_finite(found):
-            for k, original in self._c_lost(Q, NativeModel):
+            for k, original in self._c_lost(Q, NativeDynamics):
                 Q[k] = _linearized(original, x.reshape(-1, n)[k], u.reshape(len(Q), -1)[k], dt)[1]
         return Q.reshape(*x.shape, n)
 
@@ -244,7 +251,7 @@ class NativeModel(Numbered, Model):
             count, shape = x.size // n, (*x.shape, n)
             both = found[count * n :].reshape(2, count, n, n)
             if not is_finite(found):
-                for k, original in self._c_lost(both.swapaxes(0, 1), NativeModel):
+                for k, original in self._c_lost(both.swapaxes(0, 1), NativeDynamics):
                     at = x.reshape(count, n)[k], u.reshape(count, -1)[k]
                     both[:, k] = _linearized(original, *at, dt)
             F, Q = both.reshape(2, *shape)
@@ -258,6 +265,26 @@ class NativeModel(Numbered, Model):
         if self._c_library.linearized_step(address(memory(v)), dt, self.max_step, self._c_p):
             return super().linearized_step(x, u, dt)  # which finds out what is wrong
         return LinearizedStep(v[moved:F], v[F:Q].reshape(n, n), v[Q:].reshape(n, n).T)
+
+
+class NativeModel(NativeDynamics, Model):
+    """A model in continuous time, whose rates are computed in C, too."""
+
+    def derivative(self, x: Array, u: Array) -> Array:
+        """Return dx/dt (..., n)."""
+        found = self._c_called(self._c_library.rates, x, u, x.shape[-1])
+        if found is None:
+            return super().derivative(x, u)  # type: ignore[safe-super]
+        return found.reshape(*_lead(x, u), x.shape[-1])
+
+
+class NativeDiscreteModel(NativeDynamics, DiscreteModel):
+    """A model in discrete time, whose steps are computed in C."""
+
+    def step(self, x: Array, u: Array, dt: float) -> Array:
+        """Return the state (..., n) after ``dt`` seconds, a whole number of periods."""
+        self.periods(dt)
+        return super().step(x, u, dt)
 
 
 def _linearized(original: Any, x: Array, u: Array, dt: float) -> tuple[Array, Array]:
@@ -277,8 +304,8 @@ def _lead(x: Array, u: Array) -> tuple[int, ...]:
     return np.broadcast_shapes(x.shape[:-1], u.shape[:-1])
 
 
-def native_model(model: Model, *, wait: bool = True) -> Model:
-    """Return a model in continuous time whose steps are compiled.
+def native_model(model: Dynamics, *, wait: bool = True) -> Any:
+    """Return a model whose steps are compiled.
 
     Raises
     ------
@@ -287,11 +314,28 @@ def native_model(model: Model, *, wait: bool = True) -> Model:
     CompilerError
         If it cannot be compiled, or without ``wait`` is not yet.
     """
-    parameters, text = freed(model, _model_source)
+    parameters, text = freed(model, _discrete_source if model.is_discrete else _model_source)
     library = load(text, wait=wait)
+    _declare(library)
+    space = native_space(model.state, wait=wait)
+    return derive(
+        NativeDiscreteModel if model.is_discrete else NativeModel,
+        model,
+        native_model,
+        state=space,
+        _c_library=library,
+        _c_arrived=function_address(getattr(space, '_c_arrive', None)),
+        _c_shapes=((model.state.size,), (model.input.size,)),
+        **pointed(parameters.values),
+    )
+
+
+def _declare(library: Any) -> None:
+    """Declare the functions of the library of a model."""
     library.linearized_step.argtypes = [POINTER, NUMBER, NUMBER, POINTER]
     library.linearized_step.restype = ctypes.c_int
-    declare(library.rates)
+    if hasattr(library, 'rates'):
+        declare(library.rates)
     declare(library.steps, NUMBER, NUMBER)
     declare(library.noisy_steps, NUMBER, NUMBER)
     library.factors.argtypes, library.factors.restype = [POINTER, COUNT], None
@@ -303,39 +347,43 @@ def native_model(model: Model, *, wait: bool = True) -> Model:
     library.correction.argtypes = [POINTER, COUNT, *[POINTER] * 5]
     library.correction.restype = ctypes.c_int
     declare_pass(library)
-    space = native_space(model.state, wait=wait)
-    found: Model = derive(
-        NativeModel,
-        model,
-        native_model,
-        state=space,
-        _c_library=library,
-        _c_arrived=function_address(getattr(space, '_c_arrive', None)),
-        _c_shapes=((model.state.size,), (model.input.size,)),
-        **pointed(parameters.values),
-    )
-    return found
+
+
+def _constants(model: Dynamics, parameters: Parameters) -> dict[str, float]:
+    return {
+        'N': model.state.size,
+        'ORDER': model.state.size,
+        'M': model.input.size,
+        'COUNT': len(parameters.values),
+        'MOST_READ': MOST_READ,
+    }
 
 
 @lru_cache(maxsize=32)
 def _model_source(parameters: Parameters) -> str:
     model: Any = parameters.original
     formulas = of_model(model, parameters)
-    constants = {
-        'N': model.state.size,
-        'ORDER': model.state.size,
-        'M': model.input.size,
-        'COUNT': len(parameters.values),
-        'MOST_SUBSTEPS': formulas.most,
-        'MOST_READ': MOST_READ,
-    }
+    constants = {**_constants(model, parameters), 'MOST_SUBSTEPS': formulas.most}
     sparse = {'A': formulas.jacobian, 'W': formulas.density}
     if formulas.slope is not None:
         constants['SLOPE'], sparse['F'] = 1, formulas.slope
-    return source(_STEPS, constants, formulas.traces, sparse)
+    return source(_CONTINUOUS, constants, formulas.traces, sparse)
+
+
+@lru_cache(maxsize=32)
+def _discrete_source(parameters: Parameters) -> str:
+    model: Any = parameters.original
+    formulas = of_discrete_model(model, parameters)
+    constants = {
+        **_constants(model, parameters),
+        'MOST_PERIODS': MOST_PERIODS,
+        'TOLERANCE': TOLERANCE,
+    }
+    sparse = {'F': formulas.slope, 'W': formulas.density}
+    return source(_DISCRETE, constants, formulas._asdict(), sparse)
 
 
 def forget_formulas() -> None:
     """Trace again what looks like something known."""
-    _model_source.cache_clear()
-    sensor_source.cache_clear()
+    for each in (_model_source, _discrete_source, sensor_source):
+        each.cache_clear()

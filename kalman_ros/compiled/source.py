@@ -28,7 +28,7 @@ def places(name: str, result: Any) -> str:
 
 def source(
     endings: Sequence[str],
-    constants: Mapping[str, int],
+    constants: Mapping[str, float],
     traces: Mapping[str, Trace],
     sparse: Mapping[str, Trace],
 ) -> str:

@@ -15,15 +15,11 @@ from typing import Any
 import casadi
 import numpy as np
 
+from .branches import decide
+from .untraceable import UntraceableError
+
 #: The least number under a root: its derivative at zero is then finite.
 _LEAST = 1e-300
-
-
-class UntraceableError(BaseException):
-    """A function whose formulas cannot be recorded, with the reason.
-
-    Not an `Exception`, which a function may catch to go on with other formulas.
-    """
 
 
 class Symbol:
@@ -39,10 +35,16 @@ class Symbol:
         raise UntraceableError('it stores what depends on the state in an array of plain numbers')
 
     def __bool__(self) -> bool:
-        raise UntraceableError('it decides by the value of the state: if, max, any')
+        return decide(self.formula)
 
     def __neg__(self) -> Symbol:
         return Symbol(-self.formula)
+
+    def __pos__(self) -> Symbol:
+        return self
+
+    def __round__(self) -> Symbol:
+        return Symbol(_rounded(self.formula))
 
     def __abs__(self) -> Symbol:
         return Symbol(casadi.fabs(self.formula))

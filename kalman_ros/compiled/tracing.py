@@ -11,7 +11,9 @@ import numpy as np
 
 from kalman_ros.core import Array
 
-from .symbols import UntraceableError, formula, symbols
+from .branches import every_way
+from .symbols import formula, symbols
+from .untraceable import UntraceableError
 
 #: Formulas and numpy round differently: a relative and an absolute difference this small agree.
 _CLOSE = 1e-9
@@ -59,17 +61,12 @@ def trace(function: Callable[..., Any], *probes: Sequence[Array]) -> Trace:
     Raises
     ------
     UntraceableError
-        If it decides by values, calls what is not numpy, or does not agree with its formulas.
+        If it decides by values in too many ways, calls what is not numpy, or does not agree with
+        its formulas.
     """
     variables, vectors = zip(*(symbols(len(each)) for each in probes[0]))
     try:
-        result = np.asarray(function(*vectors))
-        columns = result[:, np.newaxis] if result.ndim == 1 else result
-        formulas = casadi.SX(*columns.shape)
-        for at, value in np.ndenumerate(columns):
-            known = formula(value)
-            if not known.is_zero():
-                formulas[at] = known
+        formulas = every_way(lambda: _matrix(function(*vectors)))
     except UntraceableError:
         raise
     except Exception as error:  # a function of a user may fail on symbols in any way
@@ -78,6 +75,18 @@ def trace(function: Callable[..., Any], *probes: Sequence[Array]) -> Trace:
     found = Trace([*variables], formulas)
     agree(found, function, probes, _CLOSE, 'its formulas are not what it returns')
     return found
+
+
+def _matrix(result: Any) -> Any:
+    """Return the formulas in an array of up to two axes as a matrix."""
+    whole = np.asarray(result)
+    columns = whole[:, np.newaxis] if whole.ndim == 1 else whole
+    formulas = casadi.SX(*columns.shape)
+    for at, value in np.ndenumerate(columns):
+        known = formula(value)
+        if not known.is_zero():
+            formulas[at] = known
+    return formulas
 
 
 def agree(

@@ -117,7 +117,7 @@ def sampled_lqe(A: Array, C: Array, W: Array, V: Array, dt: float) -> LqeDesign:
     except DesignError as error:
         found = lqe(A, C, W, V * dt)
         if not is_short(dt, A, found.poles):
-            raise DesignError(f'{error}; these are those of a sample of {dt:g} s') from None
+            raise DesignError(f'{error}, in samples of {dt:g} s') from None
     gain = found.gain * dt
     return replace(found, gain=gain, predictor_gain=gain, poles=np.exp(found.poles * dt))
 

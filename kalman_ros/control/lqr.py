@@ -148,5 +148,5 @@ def sampled_lqr(system: LinearSystem, weights: Cost, dt: float) -> LqrDesign:
     except DesignError as error:
         found = lqr(system.A, system.B, weights)
         if not is_short(dt, system.A, found.poles):
-            raise DesignError(f'{error}; these are the costs of a sample of {dt:g} s') from None
+            raise DesignError(f'{error}, in samples of {dt:g} s') from None
     return replace(found, poles=np.exp(found.poles * dt))

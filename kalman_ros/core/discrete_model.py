@@ -15,7 +15,7 @@ from .model import like, numerical_jacobian
 from .space import Space, no_rotation
 
 #: A step may differ from a whole number of periods by this fraction of one; stamps are rounded.
-_TOLERANCE = 1e-3
+TOLERANCE = 1e-3
 #: A rate is one over the period up to this share of it.
 _SAME = 1e-6
 #: The most periods of a step; after a longer gap an estimator restarts.
@@ -101,7 +101,7 @@ class DiscreteModel(Dynamics):
             If the number is not whole, is negative, or is more than 100 000.
         """
         count = round(dt / self.period)
-        if not 0 <= count <= MOST_PERIODS or abs(dt / self.period - count) > _TOLERANCE:
+        if not 0 <= count <= MOST_PERIODS or abs(dt / self.period - count) > TOLERANCE:
             raise ValueError(
                 f'time: expected steps that are whole numbers of {self.period:g} s, the period '
                 f'of the model, and at most {MOST_PERIODS} of them, got {dt:g} s'

@@ -9,6 +9,7 @@ import numpy as np
 
 from kalman_ros.compiled.formulas import of_model
 from kalman_ros.compiled.free_parameters import Parameters
+from kalman_ros.compiled.native_model import FLOW
 from kalman_ros.compiled.source import places
 from kalman_ros.compiled.tracing import trace
 from kalman_ros.core.discrete_model import MOST_PERIODS
@@ -53,8 +54,7 @@ def _continuous(model: Any) -> list[str]:
         constant('density', density, 'xp'),
         constant_places('A', whole),
         constant_places('W', density),
-        shared('series.c'),
-        shared('flow.c'),
+        *map(shared, FLOW),
         text('sample.c'),
     ]
 
@@ -79,5 +79,5 @@ def _nonlinear(model: Any) -> list[str]:
     for key, name, formula, arguments in sparse:
         texts.append(function(name, formula, [*arguments], by_rows=True, dense=False))
         texts.append(places(key, formula.result))
-    shared_texts = map(shared, ('series.c', 'flow.c', 'step.c'))
+    shared_texts = map(shared, (*FLOW, 'step.c'))
     return [*texts, *shared_texts, text('nonlinear_model.c')]

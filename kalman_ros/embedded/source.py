@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from kalman_ros.compiled.library import FAST
-from kalman_ros.compiled.symbols import UntraceableError
+from kalman_ros.compiled.untraceable import UntraceableError
 from kalman_ros.core import Gaussian, Sensor
 from kalman_ros.estimators.filters.ukf import UnscentedKalmanFilter
 from kalman_ros.estimators.policy import Policy

@@ -388,7 +388,7 @@ def test_a_function_that_is_no_formula_says_that_python_computes(monkeypatch):
 
     times = 0.1 * np.arange(20)
     readings = 0.5 * np.cos(1.4 * times)
-    slow = kr.tune(partial(swing, lambda a: math.sin(float(a))), times, readings)
+    slow = kr.tune(partial(swing, lambda a: math.sin(np.float64(a))), times, readings)
     assert slow.arithmetic.startswith('numpy (') or '; model: numpy (' in slow.arithmetic
     assert 'computed by' in str(slow)
     fast = kr.tune(partial(swing, np.sin), times, readings)

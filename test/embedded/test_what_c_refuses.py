@@ -71,9 +71,12 @@ def test_a_motion_of_another_model_is_refused(tmp_path):
 
 def test_a_function_that_cannot_be_traced_is_named(tmp_path):
     def slides(x, u):
-        return np.array([x[1], -1.0 if x[1] > 0.0 else 1.0])
+        push = u[0]
+        while push > 1.0:
+            push = 0.5 * push
+        return np.array([x[1], push])
 
-    model = kr.continuous_model(slides, np.eye(2), states='x v')
+    model = kr.continuous_model(slides, np.eye(2), states='x v', inputs='push')
     scenario = kr.make_scenario(
         model, [kr.sensor([[1.0, 0.0]], 1.0)], rate=10.0, initial=([0.0, 0.0], np.eye(2))
     )

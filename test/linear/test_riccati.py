@@ -266,7 +266,7 @@ def test_an_error_of_samples_says_that_the_numbers_are_theirs(monkeypatch):
         raise DesignError('input_cost: got the diagonal (0.1)')
 
     monkeypatch.setattr('kalman_ros.control.lqr.dlqr', fail)
-    with pytest.raises(DesignError, match=r'got the diagonal \(0.1\); these are the costs of a'):
+    with pytest.raises(DesignError, match=r'got the diagonal \(0.1\), in samples of 0.1 s$'):
         sampled_lqr(system(*INTEGRATORS), weights, 0.1)
 
 

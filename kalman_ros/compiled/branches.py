@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The ways through a function that decides by the values of symbols: ``if``, ``max``, ``and``.
+
+The function runs once for each way, with one more decision turned around each time (J. C. King,
+Symbolic execution and program testing, Communications of the ACM 19(7), 1976).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from contextvars import ContextVar
+from functools import reduce
+from typing import Any
+
+import casadi
+
+from .untraceable import UntraceableError
+
+#: The most ways that are recorded; a loop that ends by the state has no end.
+MOST_WAYS = 32
+#: How deep formulas are compared.
+_DEPTH = 10
+
+
+class _Way:
+    """Decisions in their order: those that are given, and behind them each as true."""
+
+    def __init__(self, given: Sequence[bool]) -> None:
+        self.taken, self.conditions = [*given], list[Any]()
+
+    def decide(self, condition: Any) -> bool:
+        for known, taken in zip(self.conditions, self.taken):
+            if casadi.is_equal(known, condition, _DEPTH):
+                return taken
+        self.conditions.append(condition)
+        if len(self.conditions) > len(self.taken):
+            self.taken.append(True)
+        if len(self.taken) > MOST_WAYS:
+            _refuse()
+        return self.taken[len(self.conditions) - 1]
+
+    @property
+    def condition(self) -> Any:
+        """Whether a state leads this way."""
+        every = zip(self.conditions, self.taken)
+        return reduce(
+            casadi.logic_and, (each if taken else casadi.logic_not(each) for each, taken in every)
+        )
+
+
+_current: ContextVar[_Way] = ContextVar('way')
+
+
+def decide(condition: Any) -> bool:
+    """Return the truth of a formula on the way that is being recorded.
+
+    Raises
+    ------
+    UntraceableError
+        If there are too many ways.
+    """
+    if condition.is_constant():
+        return bool(float(condition))
+    way = _current.get(None)
+    return _refuse() if way is None else way.decide(condition)
+
+
+def every_way(run: Callable[[], Any]) -> Any:
+    """Return what a function without arguments returns, a matrix of formulas, by its decisions.
+
+    Raises
+    ------
+    UntraceableError
+        If there are too many ways, or the sizes of results differ.
+    """
+    ways, open_ways = list[tuple[_Way, Any]](), [list[bool]()]
+    while open_ways:
+        given = open_ways.pop()
+        way = _Way(given)
+        token = _current.set(way)
+        try:
+            ways.append((way, run()))
+        finally:
+            _current.reset(token)
+        open_ways += [[*way.taken[:k], False] for k in range(len(given), len(way.taken))]
+        if len(ways) + len(open_ways) > MOST_WAYS:
+            _refuse()
+    return _merged(ways)
+
+
+def _merged(ways: Iterable[tuple[_Way, Any]]) -> Any:
+    (_, merged), *others = ways
+    for way, result in others:
+        if result.shape != merged.shape:
+            raise UntraceableError('the size of what it returns depends on the state')
+        merged = casadi.if_else(way.condition, result, merged)
+    return merged
+
+
+def _refuse() -> bool:
+    raise UntraceableError(
+        f'it decides by the value of the state in more than {MOST_WAYS} ways: if, max, while'
+    )

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Plain functions that compute with `math` and ``float`` are compiled."""
+
+import math
+from math import atan2, cos
+
+import numpy as np
+import pytest
+
+pytest.importorskip('casadi')
+
+import kalman_ros as kr
+from kalman_ros.compiled import attempt
+from kalman_ros.compiled.formulas import of_model
+from kalman_ros.compiled.free_parameters import Parameters, freed
+from kalman_ros.compiled.scalars import scope
+
+OF_ONE = (
+    'sin', 'cos', 'tan', 'asin', 'acos', 'atan', 'sinh', 'cosh', 'tanh', 'asinh', 'atanh', 'exp',
+    'expm1', 'log', 'log1p', 'log10', 'sqrt', 'fabs', 'floor', 'ceil', 'degrees', 'radians',
+)  # fmt: skip
+
+
+def half(x):
+    return 0.5 * float(x) * math.cos(x)
+
+
+def rate(x, u, wrapped=math.tanh):
+    pull = half(x[0]) + cos(x[1]) * atan2(x[0], 2.0)
+    return [x[1], -9.81 * wrapped(float(x[0])) + pull + max(float(u[0]), 0.0)]
+
+
+def substeps(model):
+    """Return the formula of a substep of a model, and its parameters."""
+    parameters, found = freed(model, lambda given: of_model(model, given))
+    return found.substep.function('f'), parameters.values
+
+
+@pytest.mark.parametrize('name', OF_ONE)
+def test_functions_of_math(name):
+    function = getattr(math, name)
+    model = kr.continuous_model(lambda x: [function(0.4 * math.tanh(x[0]) + 0.5)], W=[1.0])
+    formula, p = substeps(model)
+    for x in (-0.8, 0.3, 1.1):
+        mine = float(formula([x], [], [0.01], p))
+        assert mine == pytest.approx(model.substep(np.array([x]), np.zeros(0), 0.01)[0], rel=1e-13)
+
+
+def test_functions_of_several_numbers():
+    def turn(x):
+        power = math.pow(1.5 + math.sin(x[0]), 2.0) + math.log(3.0 + math.sin(x[0]), 2.0)
+        return [math.hypot(x[0], 3.0, x[1]) + power, math.atan2(x[1], math.pi + x[0] ** 2)]
+
+    model = kr.continuous_model(turn, W=[1.0, 1.0])
+    formula, p = substeps(model)
+    x = np.array([0.4, -1.2])
+    np.testing.assert_allclose(
+        np.array(formula(x, [], [0.01], p))[:, 0], model.substep(x, np.zeros(0), 0.01), rtol=1e-13
+    )
+
+
+def test_names_of_a_module_stay_as_they_are():
+    before = dict(globals())
+    names = scope(globals())
+    assert globals() == before
+    assert names['math'].sin(0.5) == math.sin(0.5) and names['math'].pi == math.pi
+    assert names['cos'](0.5) == cos(0.5) and names['float']('2.5') == 2.5
+    assert names['half'](0.5) == half(0.5) and names['np'] is np
+
+
+def test_a_name_that_is_redefined_is_left_alone():
+    names = scope({'float': round})
+    assert names['float'] is round
+
+
+@pytest.mark.slow
+def test_a_plain_function_with_decisions_is_compiled():
+    model = kr.continuous_model(rate, W=[0.1, 0.1], states='a [rad] w [rad/s]', inputs='u')
+    found = attempt(model)
+    assert (found.arithmetic, found.reason) == ('C', '')
+    for x in np.random.default_rng(0).normal(0.0, 3.0, (20, 2)):
+        for u in (np.array([-1.0]), np.array([2.0])):
+            np.testing.assert_allclose(
+                found.result.step(x, u, 0.1), model.step(x, u, 0.1), rtol=1e-12
+            )
+
+
+def test_a_sensor_with_math_is_recorded():
+    sensor = kr.sensor(lambda x: [math.hypot(x[0], x[1]), math.atan2(x[1], x[0])], [0.1, 0.1])
+    sensor.measure(np.array([1.0, 2.0]))
+    from kalman_ros.compiled.formulas import of_sensor
+
+    parameters, found = freed(sensor, lambda given: of_sensor(sensor, kr.Space('x y'), given))
+    x = np.array([2.0, -1.0])
+    H = np.array(found.jacobian.function('f')(x, parameters.values))
+    np.testing.assert_allclose(H, sensor.jacobian(x), atol=1e-9)
+    assert Parameters(sensor, opened=True).comparable
