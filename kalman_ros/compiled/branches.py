@@ -92,7 +92,7 @@ def _merged(ways: Iterable[tuple[_Way, Any]]) -> Any:
     (_, merged), *others = ways
     for way, result in others:
         if result.shape != merged.shape:
-            raise UntraceableError('the size of what it returns depends on the state')
+            raise UntraceableError('the size of its result depends on the state')
         merged = casadi.if_else(way.condition, result, merged)
     return merged
 

@@ -86,7 +86,7 @@ def test_more_ways_than_are_recorded_are_refused():
 
 
 def test_a_size_that_depends_on_the_state_is_refused():
-    with pytest.raises(UntraceableError, match='the size of what it returns'):
+    with pytest.raises(UntraceableError, match='the size of its result'):
         trace(lambda x: [x[0]] if x[0] > 0.0 else [x[0], x[1]], (POINTS[0],))
 
 

@@ -61,7 +61,8 @@ def _imported(folder: str) -> RecordingSet:
 
 
 _OTHERS = (
-    'second', 'third', 'fourth', 'fifth', 'sixth', 'seventh', 'eighth', 'ninth', 'real',
+    'second', 'third', 'fourth', 'fifth', 'sixth', 'seventh', 'eighth', 'ninth',
+    'tenth', 'real',
 )  # fmt: skip
 SETS = {'first': _imported(''), **{name: _imported(f'.{name}') for name in _OTHERS}}
 #: The recordings of all sets.
