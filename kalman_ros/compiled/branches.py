@@ -7,7 +7,7 @@ Symbolic execution and program testing, Communications of the ACM 19(7), 1976).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextvars import ContextVar
 from functools import reduce
 from typing import Any
@@ -17,7 +17,7 @@ import casadi
 from .untraceable import UntraceableError
 
 #: The most ways that are recorded; a loop that ends by the state has no end.
-MOST_WAYS = 32
+MOST_WAYS = 64
 #: How deep formulas are compared.
 _DEPTH = 10
 
@@ -65,13 +65,20 @@ def decide(condition: Any) -> bool:
     return _refuse() if way is None else way.decide(condition)
 
 
-def every_way(run: Callable[[], Any]) -> Any:
-    """Return what a function without arguments returns, a matrix of formulas, by its decisions.
+def every_way(run: Callable[[], Any], merge: Callable[[Any, Any, Any], Any]) -> Any:
+    """Return what a function without arguments returns, by its decisions.
+
+    Parameters
+    ----------
+    run
+        The function.
+    merge
+        Returns a result if a condition holds, and another one else.
 
     Raises
     ------
     UntraceableError
-        If there are too many ways, or the sizes of results differ.
+        If there are too many ways.
     """
     ways, open_ways = list[tuple[_Way, Any]](), [list[bool]()]
     while open_ways:
@@ -85,15 +92,9 @@ def every_way(run: Callable[[], Any]) -> Any:
         open_ways += [[*way.taken[:k], False] for k in range(len(given), len(way.taken))]
         if len(ways) + len(open_ways) > MOST_WAYS:
             _refuse()
-    return _merged(ways)
-
-
-def _merged(ways: Iterable[tuple[_Way, Any]]) -> Any:
     (_, merged), *others = ways
     for way, result in others:
-        if result.shape != merged.shape:
-            raise UntraceableError('the size of its result depends on the state')
-        merged = casadi.if_else(way.condition, result, merged)
+        merged = merge(way.condition, result, merged)
     return merged
 
 

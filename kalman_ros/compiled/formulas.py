@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import casadi
@@ -13,6 +14,7 @@ from kalman_ros.core import Array, DiscreteModel, Dynamics, Model, Sensor, Space
 from kalman_ros.core.model import MOST_SUBSTEPS
 
 from .free_parameters import Parameters
+from .symbols import by_ways
 from .tracing import Trace, agree, trace
 from .untraceable import UntraceableError
 
@@ -143,6 +145,16 @@ def points_about(model: Dynamics) -> tuple[Array, Array]:
     return _points(rest.state), _points(rest.input)
 
 
+def _branching(model: Any, function: str) -> Any:
+    """Return a model that merges the ways through a function, its own or an inner model's.
+
+    A step calls it several times, and ways multiply.
+    """
+    for inner in nested(model):
+        vars(inner)[function] = partial(by_ways, getattr(inner, function))
+    return model
+
+
 def of_model(model: Model, parameters: Parameters) -> ModelFormulas:
     """Return the formulas of a model in continuous time.
 
@@ -154,7 +166,11 @@ def of_model(model: Model, parameters: Parameters) -> ModelFormulas:
     for name in _OF_STEPS:
         if any(name in overridden(each) for each in nested(model)):
             raise UntraceableError(f'its class defines {name}')
-    space, given = model.state, parameters.applied
+    space = model.state
+
+    def given(p: Any) -> Any:
+        return _branching(parameters.applied(p), 'derivative')
+
     n, p, e = space.size, parameters.values, np.zeros(space.size)
     states, inputs = points_about(model)
     steps = np.array([[0.01], [0.002], [-0.001]])

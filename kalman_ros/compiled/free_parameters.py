@@ -9,6 +9,7 @@ with symbols in their place.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator
+from contextlib import suppress
 from copy import copy
 from types import CellType, FunctionType
 from typing import Any, TypeVar
@@ -17,7 +18,7 @@ import numpy as np
 
 from kalman_ros.core import Array, Dynamics, Sensor
 
-from .scalars import of_symbols, rebound, scope
+from .scalars import methods, of_symbols, rebound, scope
 from .untraceable import UntraceableError
 
 T = TypeVar('T')
@@ -34,12 +35,16 @@ class Parameters:
         The model or sensor.
     opened
         Whether the numbers within its functions count, too.
+    scoped
+        Whether functions get global names that take symbols, as `scalars` has them.
     """
 
-    def __init__(self, original: Dynamics | Sensor, *, opened: bool = False) -> None:
+    def __init__(
+        self, original: Dynamics | Sensor, *, opened: bool = False, scoped: bool = True
+    ) -> None:
         #: The model or sensor.
         self.original = original
-        self._opened = opened
+        self._opened, self._scoped = opened, scoped
         found = [*_numbers(original, opened)]
         #: The numbers, in the order of the attributes (p,).
         self.values: Array = np.array([value for value in found if isinstance(value, float)])
@@ -61,7 +66,7 @@ class Parameters:
 
     def applied(self, values: Any) -> Any:
         """Return a copy of the object with other numbers (p,), which may be symbols."""
-        return _replaced(self.original, iter(values), self._opened)
+        return _Replacement(iter(values), self._opened, self._scoped)(self.original)
 
 
 #: Signatures of objects whose functions take no symbols in place of their numbers, and how many
@@ -74,7 +79,7 @@ def freed(original: Dynamics | Sensor, use: Callable[[Parameters], T]) -> tuple[
     """Return the parameters of an object and what is made of them.
 
     Functions keep their numbers if nothing can be made with these as parameters, as where one
-    counts with a number.
+    counts with a number, and their global names if others do not serve.
     """
     opened, whole = Parameters(original, opened=True), Parameters(original)
     can = opened.comparable and opened.signature != whole.signature
@@ -85,7 +90,13 @@ def freed(original: Dynamics | Sensor, use: Callable[[Parameters], T]) -> tuple[
             if len(_closed) >= _MOST_CLOSED:
                 _closed.clear()
             _closed.add(opened.signature)
-    return whole, use(whole)
+    try:
+        return whole, use(whole)
+    except (Exception, UntraceableError) as error:
+        plain = Parameters(original, scoped=False)
+        with suppress(Exception, UntraceableError):
+            return plain, use(plain)
+        raise error
 
 
 #: The marker of a number that is zero.
@@ -125,38 +136,50 @@ def _numbers(value: Any, opened: bool, inside: tuple[Any, ...] = ()) -> Iterator
         yield value if _is_hashable(value) else _Same(value)
 
 
-def _replaced(
-    value: Any, numbers: Iterator[Any], opened: bool, inside: tuple[Any, ...] = ()
-) -> Any:
-    """Return a value with the numbers that `_numbers` yields replaced by others."""
+class _Replacement:
+    """Copies with the numbers that `_numbers` yields replaced by others, in turn."""
 
-    def again(each: Any) -> Any:
-        return _replaced(each, numbers, opened, inside)
+    def __init__(self, numbers: Iterator[Any], opened: bool, scoped: bool) -> None:
+        self._numbers, self._opened, self._scoped = numbers, opened, scoped
 
-    if isinstance(value, (Dynamics, Sensor)) or (opened and hasattr(value, 'HAS_FUNCTION')):
+    def __call__(self, value: Any, inside: tuple[Any, ...] = ()) -> Any:
+        """Return a copy of a value that is within functions."""
+        if isinstance(value, (Dynamics, Sensor)):
+            return self._copied(value, inside)
+        if hasattr(value, 'HAS_FUNCTION'):
+            return self._copied(value, inside) if self._opened else self._with_functions(value)
+        if self._opened and _can_open(value, inside):
+            cells, defaults, named = self(_content(value), (*inside, value))
+            names = scope(value.__globals__)
+            return rebound(value, names, tuple(defaults), named, tuple(map(CellType, cells)))
+        if isinstance(value, np.ndarray) and value.dtype == float:
+            flat = [next(self._numbers) if number else 0.0 for number in value.ravel().tolist()]
+            whole = np.empty(len(flat), dtype=object)
+            whole[:] = flat
+            plain = all(isinstance(number, float) for number in flat)
+            return (whole.astype(float) if plain else whole).reshape(value.shape)
+        if isinstance(value, dict):
+            return {name: self(part, inside) for name, part in value.items()}
+        if isinstance(value, (list, tuple)):
+            parts = [self(part, inside) for part in value]
+            return type(value)(*parts) if hasattr(value, '_fields') else type(value)(parts)
+        if isinstance(value, float):
+            return next(self._numbers) if value else value
+        return of_symbols(value) if self._opened else value
+
+    def _copied(self, value: Any, inside: tuple[Any, ...]) -> Any:
         other = copy(value)
-        vars(other).update({name: again(each) for name, each in vars(value).items()})
+        vars(other).update({name: self(part, inside) for name, part in vars(value).items()})
+        if self._scoped:
+            vars(other).update(methods(other))
         return other
-    if opened and _can_open(value, inside):
-        cells, defaults, named = _replaced(_content(value), numbers, opened, (*inside, value))
-        names = scope(value.__globals__)
-        return rebound(value, names, tuple(defaults), named, tuple(map(CellType, cells)))
-    if isinstance(value, np.ndarray) and value.dtype == float:
-        flat = [next(numbers) if each else 0.0 for each in value.ravel().tolist()]
-        whole = np.empty(len(flat), dtype=object)
-        whole[:] = flat
-        plain = all(isinstance(each, float) for each in flat)
-        return (whole.astype(float) if plain else whole).reshape(value.shape)
-    if isinstance(value, dict):
-        return {name: again(each) for name, each in value.items()}
-    if isinstance(value, list):
-        return [again(each) for each in value]
-    if isinstance(value, tuple):
-        each = map(again, value)
-        return type(value)(*each) if hasattr(value, '_fields') else tuple(each)
-    if isinstance(value, float):
-        return next(numbers) if value else value
-    return of_symbols(value) if opened else value
+
+    def _with_functions(self, value: Any) -> Any:
+        """Return a copy with functions for symbols, which keep their numbers."""
+        other = copy(value)
+        if self._scoped:
+            vars(other).update({name: of_symbols(part) for name, part in vars(value).items()})
+        return other
 
 
 def _can_open(value: Any, inside: tuple[Any, ...]) -> bool:

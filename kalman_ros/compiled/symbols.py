@@ -15,7 +15,7 @@ from typing import Any
 import casadi
 import numpy as np
 
-from .branches import decide
+from .branches import decide, every_way
 from .untraceable import UntraceableError
 
 #: The least number under a root: its derivative at zero is then finite.
@@ -32,6 +32,8 @@ class Symbol:
         self.formula = formula
 
     def __float__(self) -> float:
+        if self.formula.is_constant():
+            return float(self.formula)
         raise UntraceableError('it stores what depends on the state in an array of plain numbers')
 
     def __bool__(self) -> bool:
@@ -187,6 +189,16 @@ def _elementwise(function: Callable[..., Any], inputs: Any) -> Symbols:
     return whole.view(Symbols)
 
 
+def _numbers(value: Any) -> Any:
+    """Return an array of symbols with known values as numbers; else the value."""
+    if not isinstance(value, Symbols):
+        return value
+    every = [formula(part) for part in value.flat]
+    if not all(part.is_constant() for part in every):
+        return value
+    return np.array([float(part) for part in every]).reshape(value.shape)
+
+
 def _norm(x: Any, ord: Any = None, axis: Any = None, keepdims: bool = False) -> Any:
     if ord is not None:
         raise UntraceableError('of the norms, only the Euclidean one is known')
@@ -227,6 +239,8 @@ class Symbols(np.ndarray[Any, Any]):
             return _elementwise(_FUNCTIONS[function], inputs)
         if function in _WHOLE:
             return _WHOLE[function](*inputs, **options)
+        if function.__module__ == 'numpy.linalg':
+            inputs = (*map(_numbers, inputs),)
         return super().__array_function__(function, (), inputs, options)
 
 
@@ -263,6 +277,22 @@ def _extreme(
     if not keepdims:
         return found
     return np.reshape(found, (1,) * np.ndim(x)) if axis is None else np.expand_dims(found, axis)
+
+
+def by_ways(function: Callable[..., Any], *arguments: Any) -> Any:
+    """Return what a function returns, with all that it decides by the values of symbols."""
+    return every_way(lambda: function(*arguments), _either)
+
+
+def _either(condition: Any, results: Any, others: Any) -> Any:
+    """Return results (...) where a condition holds, and others (...) where it does not."""
+    some, rest = (np.asarray(each, dtype=object) for each in (results, others))
+    if some.shape != rest.shape:
+        raise UntraceableError('the size of its result depends on the state')
+    return _elementwise(
+        lambda x, y: x if casadi.is_equal(x, y, 1) else casadi.if_else(condition, x, y),
+        (some, rest),
+    )
 
 
 def symbols(count: int) -> tuple[Any, Symbols]:

@@ -11,8 +11,7 @@ import numpy as np
 
 from kalman_ros.core import Array
 
-from .branches import every_way
-from .symbols import formula, symbols
+from .symbols import by_ways, formula, symbols
 from .untraceable import UntraceableError
 
 #: Formulas and numpy round differently: a relative and an absolute difference this small agree.
@@ -66,7 +65,7 @@ def trace(function: Callable[..., Any], *probes: Sequence[Array]) -> Trace:
     """
     variables, vectors = zip(*(symbols(len(each)) for each in probes[0]))
     try:
-        formulas = every_way(lambda: _matrix(function(*vectors)))
+        formulas = _matrix(by_ways(function, *vectors))
     except UntraceableError:
         raise
     except Exception as error:  # a function of a user may fail on symbols in any way

@@ -2,7 +2,9 @@
 """Plain functions that compute with `math` and ``float`` are compiled."""
 
 import math
+from functools import partial
 from math import atan2, cos
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -59,13 +61,112 @@ def test_functions_of_several_numbers():
     )
 
 
+def test_decisions_of_each_stage_of_a_step_do_not_multiply():
+    def rate(x, u):
+        drag = 0.1 * x[1] * abs(x[1]) if x[1] > 0.3 else 0.2 * x[1]
+        stop = -50.0 * (x[0] - 1.0) if x[0] > 1.0 else 0.0
+        push = max(min(u[0], 2.0), -2.0)
+        return [x[1], stop - drag + push if push != 0.0 else stop - drag]
+
+    model = kr.continuous_model(rate, W=[0.1, 0.1], states='a b', inputs='u')
+    formula, p = substeps(model)
+    for x, u in (([0.5, 0.2], [3.0]), ([1.2, 0.5], [0.0]), ([0.9, 1.9], [-1.0])):
+        mine = np.array(formula(x, u, [0.1], p))[:, 0]
+        np.testing.assert_allclose(mine, model.substep(np.array(x), np.array(u), 0.1), rtol=1e-13)
+
+
+@pytest.mark.parametrize('x', [(0.3, 0.7, -0.1), (0.9, -0.2, 0.1)])
+def test_extremes_of_numbers_and_of_arrays(x):
+    model = kr.continuous_model(
+        lambda x: [max(x), min(x[0], x[1], 0.5), max([x[0], x[2]], key=lambda each: -each)],
+        W=[1.0, 1.0, 1.0],
+    )
+    formula, p = substeps(model)
+    mine = np.array(formula(x, [], [0.01], p))[:, 0]
+    np.testing.assert_allclose(mine, model.substep(np.array(x), np.zeros(0), 0.01), rtol=1e-14)
+
+
+class Swing:
+    """Rates in an array that is filled, by a method or a call."""
+
+    def __init__(self, gravity):
+        self.gravity = gravity
+
+    def rates(self, x, u):
+        rates, turn = np.zeros(2), np.array([[0.0, 1.0], [-0.1, 0.0]])
+        turn[1, 1] = -0.1 * math.cosh(x[0])
+        rates[0] = (np.linalg.inv(np.eye(2)) @ turn @ x)[0]
+        rates[1] = -self.gravity * math.sin(x[0]) + (turn @ x)[1] + u[0]
+        return rates
+
+    __call__ = rates
+
+
+def filled(x, u):
+    return Swing(2.0).gravity * np.array([math.sin(x[1]), float(x[0])], dtype=float)
+
+
+@pytest.mark.parametrize(
+    'function',
+    [Swing(9.81), Swing(9.81).rates, partial(lambda k, x, u: [x[1], k * half(x[0])], 3.0), filled],
+)
+def test_methods_calls_and_arrays_that_are_filled(function):
+    model = kr.continuous_model(function, W=[0.1, 0.1], inputs='u')
+    formula, p = substeps(model)
+    x, u = np.array([0.4, -1.2]), np.array([0.7])
+    np.testing.assert_allclose(
+        np.array(formula(x, u, [0.1], p))[:, 0], model.substep(x, u, 0.1), rtol=1e-13
+    )
+
+
+class Drag(kr.Model):
+    """A class that fills an array with leading axes, and computes with `math` of its numbers."""
+
+    state, input = kr.Space('x v'), kr.Space('u')
+
+    def __init__(self, share=0.3):
+        self.share = share
+
+    def drag(self, v):
+        return math.sqrt(self.share) * v * np.abs(v)
+
+    def derivative(self, x, u):
+        rates = np.zeros_like(x)
+        rates[..., 0] = x[..., 1]
+        rates[..., 1] = u[..., 0] - self.drag(x[..., 1])
+        return rates
+
+    def noise_density(self, x):
+        return np.diag([0.0, 0.1])
+
+
+def test_methods_of_a_class():
+    formula, p = substeps(Drag())
+    assert p.tolist() == [0.3]
+    for v in (-0.4, 0.1, 0.6):
+        x, u = np.array([0.4, v]), np.array([0.7])
+        np.testing.assert_allclose(
+            np.array(formula(x, u, [0.1], p))[:, 0], Drag().substep(x, u, 0.1), rtol=1e-13
+        )
+
+
+def test_a_function_whose_names_do_not_serve_keeps_them():
+    def rate(x):
+        return np.stack([x[1], -2.0 * x[0] if isinstance(math, ModuleType) else x[0]])
+
+    formula, p = substeps(kr.continuous_model(rate, W=[0.1, 0.1]))
+    x = np.array([0.4, -1.2])
+    expected = kr.continuous_model(rate, W=[0.1, 0.1]).substep(x, np.zeros(0), 0.1)
+    np.testing.assert_allclose(np.array(formula(x, [], [0.1], p))[:, 0], expected, rtol=1e-14)
+
+
 def test_names_of_a_module_stay_as_they_are():
     before = dict(globals())
     names = scope(globals())
     assert globals() == before
     assert names['math'].sin(0.5) == math.sin(0.5) and names['math'].pi == math.pi
     assert names['cos'](0.5) == cos(0.5) and names['float']('2.5') == 2.5
-    assert names['half'](0.5) == half(0.5) and names['np'] is np
+    assert names['half'](0.5) == half(0.5) and names['np'].pi is np.pi
 
 
 def test_a_name_that_is_redefined_is_left_alone():

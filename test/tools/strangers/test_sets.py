@@ -15,6 +15,7 @@ from kalman_ros.bags.reading import Bag
 from .program import main
 from .recordings import Recording, edited
 from .sets import RECORDINGS, SETS, RecordingSet, write
+from .tenth.systems import MUJOCO as OTHERS
 from .third.systems import MUJOCO
 
 #: Sets that are simulated; the one of real recordings has tests of its data.
@@ -23,9 +24,9 @@ SIMULATED = {name: each for name, each in SETS.items() if name != 'real'}
 SIZES = {
     'first': (13, 60), 'second': (21, 100), 'third': (14, 60), 'fourth': (12, 60),
     'fifth': (12, 70), 'sixth': (13, 70), 'seventh': (12, 58), 'eighth': (12, 58),
-    'ninth': (12, 78), 'real': (6, 50),
+    'ninth': (12, 78), 'tenth': (12, 78), 'real': (6, 50),
 }  # fmt: skip
-_BODIES = {each.name for each in MUJOCO}
+_BODIES = {each.name for each in (*MUJOCO, *OTHERS)}
 #: All systems; one whose import starts a process is slow.
 SYSTEMS = [
     pytest.param(some, system, marks=[pytest.mark.slow] if system in _BODIES else [])
@@ -40,7 +41,7 @@ WHOLE = mostly_thorough(
 )  # fmt: skip
 #: Sets whose systems obey the models of their files exactly, and by how much a mean NIS may be off
 #: beside chance.
-OBEDIENT = {'sixth': 0.03, 'seventh': 0.05, 'eighth': 0.035, 'ninth': 0.05}
+OBEDIENT = {'sixth': 0.03, 'seventh': 0.05, 'eighth': 0.035, 'ninth': 0.05, 'tenth': 0.05}
 #: Of these systems, those that are tested always.
 OFTEN = {'canal', 'cyclist'}
 
