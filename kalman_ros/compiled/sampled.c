@@ -12,15 +12,16 @@ enum { DONE = 0, NO_PERIODS = 1, OVERFLOW_WITHIN = 2 };
 #define F_BY_FLOW 1
 /* as `flow` of several members at once: they follow one after the other */
 #define flows(x, u, dt, p, F, Q, with_F) 0
+#define step_once advance
 
 /* The number of periods in dt; -1 where it is not whole. */
 static long periods(real dt, const real *p)
 {
     real one;
     period(p, &one);
-    const real count = rint(dt / one);
-    return count >= 0 && count <= MOST_PERIODS && fabs(dt / one - count) <= TOLERANCE ? (long)count
-                                                                                       : -1;
+    const real count = floor(dt / one + (real)0.5);
+    const int whole = fabs(dt / one - count) <= TOLERANCE;
+    return whole && count >= 0 && count <= MOST_PERIODS ? (long)count : -1;
 }
 
 /* One period, which may begin and end in the same place */
@@ -83,10 +84,4 @@ static int linearize(const real *x, const real *u, real dt, real max_step,
     const int outcome = flow(x, u, dt, p, F, Q, 1);
     advance(x, u, dt, max_step, p, moved, 0);
     return outcome;
-}
-
-static void step_once(const real *x, const real *u, real dt, real max_step, const real *p,
-                      real *moved, real *F)
-{
-    advance(x, u, dt, max_step, p, moved, F);
 }

@@ -205,8 +205,17 @@ def _norm(x: Any, ord: Any = None, axis: Any = None, keepdims: bool = False) -> 
     return np.sqrt(np.sum(x * x, axis=axis, keepdims=keepdims))
 
 
+def _interp(x: Any, points: Any, values: Any) -> Any:
+    """Return the line through known points, level outside of them."""
+    known, heights = np.asarray(points, dtype=float), np.asarray(values, dtype=float)
+    height = heights[0]
+    for start, length, rise in zip(known, np.diff(known), np.diff(heights)):
+        height = height + rise / length * np.clip(x - start, 0.0, length)
+    return height
+
+
 #: Functions of whole arrays that numpy computes in a way that symbols do not allow.
-_WHOLE: dict[Any, Callable[..., Any]] = {np.linalg.norm: _norm}
+_WHOLE: dict[Any, Callable[..., Any]] = {np.linalg.norm: _norm, np.interp: _interp}
 _EXTREMES = (np.maximum, np.minimum)
 
 

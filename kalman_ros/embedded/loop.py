@@ -181,11 +181,6 @@ def check_estimator(scenario: Scenario, found: Estimation) -> None:
         )
     if np.isinf(found.initial.covariance).any():
         raise ValueError('initial_std: expected finite ones for C, got an infinite one')
-    if model.is_discrete and not model.is_linear:
-        raise ValueError(
-            'model: expected one that is linear or in continuous time for C, got '
-            f'{type(model).__name__}'
-        )
     if kind is UnscentedKalmanFilter:
         spaces = {'the state': model.state}
         spaces |= {name: each.output for name, each in found.sensors.items()}

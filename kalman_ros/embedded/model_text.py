@@ -3,15 +3,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
 
-from kalman_ros.compiled.formulas import of_model
+from kalman_ros.compiled.formulas import of_discrete_model, of_model
 from kalman_ros.compiled.free_parameters import Parameters
 from kalman_ros.compiled.native_model import FLOW
 from kalman_ros.compiled.source import places
-from kalman_ros.compiled.tracing import trace
+from kalman_ros.compiled.tracing import Trace, trace
 from kalman_ros.core.discrete_model import MOST_PERIODS
 from kalman_ros.core.model import MOST_SUBSTEPS
 
@@ -22,7 +23,8 @@ from .texts import constant, constant_places, probes, shared, text
 def model_texts(model: Any, *, points: bool) -> list[str]:
     """Return the texts of a model, with a step of `points` alone for filters that need it."""
     if not model.is_linear:
-        return [*_nonlinear(model), *([text('nonlinear_points.c')] if points else ())]
+        texts = _nonlinear_discrete(model) if model.is_discrete else _nonlinear(model)
+        return [*texts, *([text('nonlinear_points.c')] if points else ())]
     wrap = trace(model.state.wrap, *((each,) for each in probes(model.state.size)))
     linear = _discrete(model) if model.is_discrete else _continuous(model)
     return [function('wrap', wrap, ['x']), *linear, text('linear_model.c')]
@@ -31,14 +33,20 @@ def model_texts(model: Any, *, points: bool) -> list[str]:
 def _discrete(model: Any) -> list[str]:
     step = model.transition(np.zeros(model.state.size), np.zeros(model.input.size), model.period)
     return [
-        'enum { DONE = 0, OVERFLOW_WITHIN = 2 };\n'
-        f'#define PERIOD {number(model.period)}\n#define PERIOD_NS {model.period * 1e9!r}\n'
-        f'#define MOST_PERIODS {MOST_PERIODS}\n',
+        'enum { DONE = 0, OVERFLOW_WITHIN = 2 };\n',
+        _periods(model),
         numbers('STATE_MATRIX', step.F),
         numbers('INPUT_MATRIX', step.G),
         numbers('NOISE_COVARIANCE', step.Q),
         text('periods.c'),
     ]
+
+
+def _periods(model: Any) -> str:
+    return (
+        f'#define PERIOD {number(model.period)}\n#define PERIOD_NS {model.period * 1e9!r}\n'
+        f'#define MOST_PERIODS {MOST_PERIODS}\n'
+    )
 
 
 def _continuous(model: Any) -> list[str]:
@@ -76,8 +84,30 @@ def _nonlinear(model: Any) -> list[str]:
     if formulas.slope is not None:
         texts.append('#define SLOPE\n')
         sparse.append(('F', 'slope', formulas.slope, 'xuhp'))
-    for key, name, formula, arguments in sparse:
-        texts.append(function(name, formula, [*arguments], by_rows=True, dense=False))
-        texts.append(places(key, formula.result))
     shared_texts = map(shared, (*FLOW, 'step.c'))
-    return [*texts, *shared_texts, text('nonlinear_model.c')]
+    return [*texts, *_sparse(sparse), *shared_texts, text('nonlinear_model.c')]
+
+
+def _nonlinear_discrete(model: Any) -> list[str]:
+    parameters = Parameters(model)
+    formulas = of_discrete_model(model, parameters)
+    sparse = [('F', 'slope', formulas.slope, 'xup'), ('W', 'density', formulas.density, 'xp')]
+    return [
+        '#define ORDER N\n#define MAX_STEP INFINITY\n#define MOST_SUBSTEPS 1\n',
+        _periods(model),
+        '#define TOLERANCE R(0.5)\n',  # the estimator rounds to whole periods
+        numbers('NUMBERS', parameters.values),
+        function('substep', formulas.substep, ['x', 'u', 'p']),
+        function('wrap', formulas.wrap, ['x']),
+        function('period', formulas.period, ['p']),
+        *_sparse(sparse),
+        *map(shared, ('matrices.c', 'sampled.c')),
+        text('nonlinear_model.c'),
+    ]
+
+
+def _sparse(formulas: Iterable[tuple[str, str, Trace, str]]) -> Iterator[str]:
+    """Yield functions of matrices, each with where its numbers are."""
+    for key, name, formula, arguments in formulas:
+        yield function(name, formula, [*arguments], by_rows=True, dense=False)
+        yield places(key, formula.result)

@@ -769,6 +769,7 @@ def test_where_nothing_is_gained_the_object_is_the_same():
 
 FUNCTIONS = {
     'arithmetic': lambda x: x * 2.0 + 1.0 / (3.0 + x) - 0.5 * x**2 + 2.0**x - (-x),
+    'a table': lambda x: np.interp(x, [-0.5, 0.1, 0.8], [2.0, -1.0, 3.0]),
     'modulo': lambda x: (5.0 * x) % 2.0 - np.mod(x, 0.7),
     'trigonometry': lambda x: np.sin(x) * np.cos(x) + np.tan(x) + np.arctan2(x, 1.0 + x * x),
     'inverse': lambda x: np.arcsin(0.3 * x) + np.arccos(0.3 * x) + np.arctan(x),
@@ -799,5 +800,5 @@ def test_functions_of_numpy(name):
     found = trace(function, (x,), (-x,), (np.array([0.9, 0.05, -0.6]),))
     slope = found.slope(0, x).function('f')
     values = np.array(slope()['o0'] if isinstance(slope(), dict) else slope())
-    if name not in ('rounding', 'modulo'):
+    if name not in ('rounding', 'modulo', 'a table'):
         assert_same(values, np.asarray(exact_jacobian(function, x), float), 1e-10)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """C computes what Python does, call by call, outcome by outcome."""
 
+import math
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -355,6 +356,50 @@ def test_steps_of_a_model_in_discrete_time_are_counted_from_the_beginning(dt, tm
             made.append(calls.correct(0, rng.normal(size=1)))
     assert differences(Exported(exported, tmp_path), made).max() < CLOSE
     assert abs(made[-1].mean[0]) > 0.1
+
+
+def sampled_swing(filter):
+    """Return a scenario of a plain function in discrete time, which decides by the state."""
+
+    def swing(x, u):
+        drag = 0.1 * x[1] * abs(x[1]) if x[1] > 0.2 else 0.02 * x[1]
+        rate = x[1] + 0.05 * (u[0] - 9.81 * math.sin(x[0]) - drag)
+        return [x[0] + 0.05 * rate, rate]
+
+    model = kr.discrete_model(swing, Q=[1e-6, 1e-2], states='a w', inputs='u', period=0.05)
+    sensor = kr.sensor(lambda x: [math.sin(x[0]), math.cos(x[0])], [0.01, 0.01], outputs=2)
+    return kr.make_scenario(
+        model, sensor, rate=20.0, initial=([0.1, 0.0], [0.1, 0.1]), filter=filter
+    )
+
+
+@pytest.mark.parametrize('filter', ['ekf', 'ukf'])
+@pytest.mark.parametrize('dt', [0.02, 0.05, 0.16])
+def test_a_function_in_discrete_time(filter, dt, tmp_path):
+    exported = loop(sampled_swing(filter), control=False)
+    calls, rng = Calls(exported), np.random.default_rng(3)
+    made = [calls.input(np.array([1.0]))]
+    for _ in range(100):
+        y = np.array([0.1, 1.0]) + rng.normal(0.0, 0.1, 2)
+        made += [calls.predict(dt), calls.correct(0, y)]
+    assert {call.outcome for call in made} == {0}
+    assert differences(Exported(exported, tmp_path), made).max() < CLOSE
+    assert abs(made[-1].mean[0]) > 0.01
+
+
+@pytest.mark.parametrize(
+    'model',
+    [
+        lambda: sampled_swing('ekf'),
+        lambda: kr.make_scenario(
+            kr.discrete_model([[1, 0.1], [0, 1]], [[0.005], [0.1]], [0.0, 1e-3], period=0.1),
+            kr.sensor([[1.0, 0.0]], 0.01), rate=10.0, initial=([0.0, 0.0], np.eye(2)),
+        ),
+    ],
+)  # fmt: skip
+def test_models_in_discrete_time_in_single_precision(model, tmp_path):
+    built = kr.export(model(), tmp_path / 'c', precision='float32').built
+    assert 0.0 < built.difference < 1e-4
 
 
 def test_the_law_goes_on_from_an_input_that_comes_from_elsewhere(tmp_path):

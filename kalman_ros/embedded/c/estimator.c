@@ -43,7 +43,7 @@ NAME_outcome NAME_predict(loop_state *s, real dt)
     if (steps <= 0)
         return PREFIX_FUSED;
     dt = (real)steps * PERIOD;
-    passed = (int64_t)llround(steps * PERIOD_NS);
+    passed = (int64_t)(steps * PERIOD_NS + 0.5); /* in double precision, whatever real is */
 #endif
     memcpy(x, s->x, sizeof x);
     memcpy(P, s->P, sizeof P);
