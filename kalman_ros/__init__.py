@@ -109,7 +109,7 @@ def __getattr__(name: str) -> object:
     if name not in _MODULES:
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'{_hint(name)}")
     try:
-        found = getattr(_import(f'.{_MODULES[name]}', __name__), name)
+        attribute = getattr(_import(f'.{_MODULES[name]}', __name__), name)
     except ModuleNotFoundError as error:
         if name not in ('Run', 'replay'):
             raise
@@ -117,8 +117,8 @@ def __getattr__(name: str) -> object:
             f'kalman_ros.{name} needs ROS 2, and there is no {error.name}: source the setup.bash '
             'of ROS 2 and of your workspace, then start Python again'
         ) from error
-    globals()[name] = found
-    return found
+    globals()[name] = attribute
+    return attribute
 
 
 #: How alike a name must be to be taken for a misspelt one.

@@ -211,7 +211,7 @@ def shifted(A: Any, given: tuple[Any, ...]) -> tuple[Any, ...]:
     return given
 
 
-def sample_time(found: Plant, dt: Any) -> float | None:
+def sample_time(system: Plant, dt: Any) -> float | None:
     """Return the sample time of a system, or that which is given; None for continuous time.
 
     Raises
@@ -220,10 +220,10 @@ def sample_time(found: Plant, dt: Any) -> float | None:
         If the system has another one than ``dt``.
     """
     if dt is None:
-        return found.dt
+        return system.dt
     seconds = duration('dt', dt)
-    if found.dt is not None and abs(seconds - found.dt) > 1e-9 * found.dt:
-        raise ValueError(f'dt: the system has samples of {found.dt:g} s, got {seconds:g}')
+    if system.dt is not None and abs(seconds - system.dt) > 1e-9 * system.dt:
+        raise ValueError(f'dt: the system has samples of {system.dt:g} s, got {seconds:g}')
     return seconds
 
 

@@ -128,7 +128,7 @@ def consistency(estimates: Any, truth: Any = None, *, miss: float = 0.001) -> Co
         raise ValueError(f'truth: expected {len(runs)} arrays, one a run, got {len(truths)}')
     if not 0.0 < number('miss', miss) < 1.0:
         raise ValueError(f'miss: expected a probability, got {miss:g}')
-    errors = [found for pair in zip(runs, truths) if (found := _nees(*pair)) is not None]
+    errors = [scores for pair in zip(runs, truths) if (scores := _nees(*pair)) is not None]
     checks: list[ConsistencyCheck] = []
     if errors:
         degrees, count = _size(runs[0]), sum(map(len, errors))
@@ -223,10 +223,13 @@ def _check(
 def _nis(name: str, series: Sequence[Innovations], miss: float) -> ConsistencyCheck | None:
     """Return the check of a sensor's NIS, which is white in time; None without readings."""
     # a reading of which nothing was known has none
-    judged = [np.isfinite(each.nis) for each in series]
-    degrees = sum(int(np.isfinite(each.values[rows]).sum()) for each, rows in zip(series, judged))
+    judged = [np.isfinite(innovations.nis) for innovations in series]
+    degrees = sum(
+        int(np.isfinite(innovations.values[rows]).sum())
+        for innovations, rows in zip(series, judged)
+    )
     if not degrees:
         return None
-    total = sum(float(np.nansum(each.nis)) for each in series)
+    total = sum(float(np.nansum(innovations.nis)) for innovations in series)
     count = sum(int(rows.sum()) for rows in judged)
     return _check(f'NIS of {name}', total / degrees, 2.0 / degrees, count, miss, _NIS_HINTS)

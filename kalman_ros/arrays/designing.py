@@ -84,12 +84,12 @@ class Design(KnownNames):
     @property
     def margins(self) -> dict[str, InputMargins]:
         """The margins at each input, with the estimator where it has a steady state."""
-        found = {}
+        margins = {}
         for loops in self.report.regulator.loops if self.report.regulator else ():
             loop = loops.estimated or loops.known
             at = loop.margins or loop.prompt
-            found[loops.input] = InputMargins(**vars(at), loop=loop.broken)
-        return found
+            margins[loops.input] = InputMargins(**vars(at), loop=loop.broken)
+        return margins
 
     @property
     def cost(self) -> float:

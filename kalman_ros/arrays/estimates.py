@@ -134,8 +134,8 @@ class Estimates(KnownNames):
         names = [self.state.label(name) for name in self.state.names]
         cells = ([name, self._at(0, i), self._at(-1, i)] for i, name in enumerate(names))
         lines += text.table(['', 'first', 'last'], cells)
-        for name, found in self.counts.items():
-            counted = ', '.join(f'{count} {what}' for what, count in found.items() if count)
+        for name, outcomes in self.counts.items():
+            counted = ', '.join(f'{count} {what}' for what, count in outcomes.items() if count)
             lines.append(f'readings of {name}: {counted or "none"}')
         if self.restarts:
             lines.append(f'it could not go on, and began again from the start: {self.restarts}')

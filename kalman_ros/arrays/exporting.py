@@ -126,7 +126,8 @@ def export(
         'transition_time': (transition_time, TRANSITION_TIME),
     }
     idle, rejections, gap, transition = (  # as in the file
-        values.get(key, default) if own is None else own for key, (own, default) in choices.items()
+        values.get(key, default) if given is None else given
+        for key, (given, default) in choices.items()
     )
     policy = Policy(
         recover_after=whole('recover_after', rejections, 0),
@@ -137,7 +138,7 @@ def export(
     bounds, at_rest = actuators(scenario, {**values, **own_limits, 'idle_input': idle})
     if not 0.0 <= blend < inf:
         raise ValueError(f'transition_time: expected at least 0 s, got {blend:g}')
-    found = loop(scenario, policy, bounds, at_rest, control=control, motion=motion, blend=blend)
+    exported = loop(scenario, policy, bounds, at_rest, control=control, motion=motion, blend=blend)
     source = f'{name}.yaml' if values and name else 'a scenario of Python'
-    written = write(found, Path(out), name or 'loop', precision, source)
+    written = write(exported, Path(out), name or 'loop', precision, source)
     return Export(written, build(written) if compile else None)

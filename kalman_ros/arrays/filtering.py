@@ -149,7 +149,7 @@ def filter(
         discrete=task.model.is_discrete,
     )  # fmt: skip
     rows = readings_of(given.times, given.readings, task.sensors, task.model)
-    if not any(len(each.time) for each in rows.values()):
+    if not any(len(series.time) for series in rows.values()):
         raise ValueError('readings: expected at least one row, got none')
     acts = _inputs(task.model, given.inputs, given.input_times, given.times, rows)
     last = max(float(read.time.max()) for read in rows.values() if len(read.time))
@@ -194,8 +194,8 @@ def smooth(estimates: Estimates) -> Estimates:
         what = 'smoothed ones' if isinstance(estimates, Estimates) else got(estimates)
         raise ValueError(f'estimates: expected what kr.filter returns, got {what}')
     record = estimates.record
-    found = smooth_steps(record.filter, record.steps)
-    shown = [found[index] for index in record.shown]
+    beliefs = smooth_steps(record.filter, record.steps)
+    shown = [beliefs[index] for index in record.shown]
     return replace(
         estimates,
         mean=np.array([belief.mean for belief in shown]),
@@ -236,7 +236,7 @@ def _inputs(
     array = numbers('inputs', inputs)
     if not np.isfinite(array).all():
         raise ValueError('inputs: expected finite numbers')
-    start = min(float(each.time.min()) for each in rows.values() if len(each.time))
+    start = min(float(series.time.min()) for series in rows.values() if len(series.time))
     constant = array.ndim == 0 or (array.ndim == 1 and array.size == m and m != 1) or (
         m == 1 and array.size == 1
     )  # fmt: skip

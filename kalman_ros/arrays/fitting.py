@@ -77,21 +77,27 @@ class Tuning(KnownNames):
     @property
     def values(self) -> dict[str, float]:
         """The fitted values; of those that are not determined, one choice of many."""
-        return {name: each.value for name, each in self.parameters.items()}
+        return {name: parameter.value for name, parameter in self.parameters.items()}
 
     @property
     def undetermined(self) -> dict[str, str]:
         """Why, by the name of each parameter that the data do not determine."""
-        return {name: each.reason for name, each in self.parameters.items() if each.reason}
+        return {
+            name: parameter.reason
+            for name, parameter in self.parameters.items()
+            if parameter.reason
+        }
 
     def __repr__(self) -> str:
         p = len(self.parameters)
         lines = [f'{p} parameter{"" if p == 1 else "s"} fitted to {self.count} readings']
         rows = []
-        for name, each in self.parameters.items():
-            label = f'{name} [{each.unit}]' if each.unit else name
-            value = f'{each.value:.4g}' if each.interval else ''
-            rows.append([label, f'{each.start:.4g}', value, each.interval or 'not determined'])
+        for name, parameter in self.parameters.items():
+            label = f'{name} [{parameter.unit}]' if parameter.unit else name
+            value = f'{parameter.value:.4g}' if parameter.interval else ''
+            rows.append(
+                [label, f'{parameter.start:.4g}', value, parameter.interval or 'not determined']
+            )
         lines += text.table(['', 'start', 'fitted', '95 % interval'], rows)
         for name, reason in self.undetermined.items():
             lines += text.sentence(f'{name}: {reason}')
@@ -199,11 +205,11 @@ def tune(
         made = ScenarioProblem(problem, fit, also, bounds or {}, priors or {}, initial, filter)
     task = made.task()
     rows = readings_of(times, readings, task.sensors, task.model)
-    if not any(np.isfinite(each.values).any() for each in rows.values()):
+    if not any(np.isfinite(series.values).any() for series in rows.values()):
         raise ValueError('readings: expected at least one finite number, got none')
     acts = _inputs(task.model, inputs, input_times, times, rows)
     observations = _observations(rows, acts)
-    first = made.candidate({each.name: each.start for each in made.parameters})
+    first = made.candidate({parameter.name: parameter.start for parameter in made.parameters})
     check_start(first.filter, first.initial, first.sensors, 'initial')
     limits = gate_limits(gates, task.sensors, {name: name for name in task.sensors})
     policy = Policy(window=0.0, max_gap=0.0, restart_after=0, gates=limits)
@@ -217,27 +223,27 @@ def tune(
 
 def tuning(likelihood: Likelihood, arithmetic: str = NUMPY) -> Tuning:
     """Return the fit of a likelihood, judged on the readings after its end."""
-    found: Fit = fit_likelihood(likelihood)
-    if found.interrupted:
+    optimum: Fit = fit_likelihood(likelihood)
+    if optimum.interrupted:
         raise KeyboardInterrupt
     held = None
-    if likelihood.until is not None and found.complete:
-        starts = {each.name: each.start for each in likelihood.parameters}
+    if likelihood.until is not None and optimum.complete:
+        starts = {parameter.name: parameter.start for parameter in likelihood.parameters}
         held = (
             judge(likelihood, starts, likelihood.until)[0],
-            judge(likelihood, found.values, likelihood.until)[0],
+            judge(likelihood, optimum.values, likelihood.until)[0],
         )
     return Tuning(
-        {each.name: each for each in found.parameters}, found.correlation,
-        (found.before, found.after), found.aic, found.converged, found.stopped,
-        held, found.count, arithmetic,
+        {parameter.name: parameter for parameter in optimum.parameters}, optimum.correlation,
+        (optimum.before, optimum.after), optimum.aic, optimum.converged, optimum.stopped,
+        held, optimum.count, arithmetic,
     )  # fmt: skip
 
 
 def _observations(rows: Mapping[str, Rows], acts: Rows) -> Observations:
     readings = {
-        name: Readings(np.asarray(each.stamps, dtype=np.int64), each.values)
-        for name, each in rows.items()
+        name: Readings(np.asarray(series.stamps, dtype=np.int64), series.values)
+        for name, series in rows.items()
     }
     return Observations(readings, np.asarray(acts.stamps, dtype=np.int64), acts.values)
 

@@ -49,12 +49,12 @@ def _of_both(f: Function) -> Function:
 def _real(what: str, value: ArrayLike) -> Array:
     """Return what a function returned as an array."""
     check_real(what, value)
-    found: Any = np.asarray(value)
-    if found.dtype == object:
-        flat = [each.item() if isinstance(each, np.ndarray) else each for each in found.flat]
-        if any(hasattr(each, 'formula') for each in flat):  # formulas are being recorded
-            found.flat = flat
-            whole: Array = found
+    array: Any = np.asarray(value)
+    if array.dtype == object:
+        flat = [entry.item() if isinstance(entry, np.ndarray) else entry for entry in array.flat]
+        if any(hasattr(entry, 'formula') for entry in flat):  # formulas are being recorded
+            array.flat = flat
+            whole: Array = array
             return whole
     return np.array(value, dtype=float)
 
@@ -96,29 +96,31 @@ class _Each:
 
     def _one(self, *point: Array) -> Array:
         try:
-            found = np.atleast_1d(_real(self._what, self._f(*(each.copy() for each in point))))
+            values = np.atleast_1d(
+                _real(self._what, self._f(*(argument.copy() for argument in point)))
+            )
         except Exception as error:
-            taken = ' and '.join(f'an array of {each.size}' for each in point)
+            taken = ' and '.join(f'an array of {argument.size}' for argument in point)
             why = f'{type(error).__name__}: {error}'
             raise ValueError(f'{self._what} fails, given {taken}: {why}') from error
-        if found.shape != (self._size,):
+        if values.shape != (self._size,):
             raise ValueError(
-                f'{self._what}: expected {self._size} numbers, got shape {found.shape}'
+                f'{self._what}: expected {self._size} numbers, got shape {values.shape}'
             )
-        return found
+        return values
 
     def __call__(self, *arguments: Array) -> Array:
         if self._at_once:
-            return _real(self._what, self._f(*(each.copy() for each in arguments)))
+            return _real(self._what, self._f(*(argument.copy() for argument in arguments)))
         if arguments[0].ndim == 1:
-            found = self._f(*(each.copy() for each in arguments))
-            return _real(self._what, found).reshape(self._size)
+            value = self._f(*(argument.copy() for argument in arguments))
+            return _real(self._what, value).reshape(self._size)
         lead = arguments[0].shape[:-1]
         flat = []
-        for each in arguments:
-            whole = (*lead, each.shape[-1])
-            each = each if each.shape == whole else np.broadcast_to(each, whole)
-            flat.append(np.array(each).reshape(prod(lead), whole[-1]))
+        for argument in arguments:
+            whole = (*lead, argument.shape[-1])
+            argument = argument if argument.shape == whole else np.broadcast_to(argument, whole)
+            flat.append(np.array(argument).reshape(prod(lead), whole[-1]))
         one_by_one = [_real(self._what, self._f(*point)) for point in zip(*flat)]
         return np.array(one_by_one).reshape(*lead, self._size)
 

@@ -208,12 +208,12 @@ class LoopMargins(tuple[InputMargins, ...]):
     @classmethod
     def of(cls, loop: StateSpace) -> LoopMargins:
         """Return the margins of a loop L (m, m); DesignError if it is not stable when closed."""
-        found = cls(
+        margins = cls(
             InputMargins(**vars(at), loop=loop.channel(k))
             for k, at in enumerate(loop_at_a_time(loop))
         )
-        found.all_at_once = simultaneous_disk(loop)
-        return found
+        margins.all_at_once = simultaneous_disk(loop)
+        return margins
 
     def plot(self, path: str | Path | None = None) -> None:
         """Draw Bode and Nyquist plots of the loop at each input, as those of one."""
@@ -221,7 +221,7 @@ class LoopMargins(tuple[InputMargins, ...]):
 
     def __repr__(self) -> str:
         lines = [*(f'input {index}: {at}' for index, at in enumerate(self)), *self.together]
-        return '\n'.join(line for each in lines for line in text.clauses(each))
+        return '\n'.join(line for sentence in lines for line in text.clauses(sentence))
 
     @property
     def together(self) -> list[str]:
@@ -358,9 +358,9 @@ class Sampled(_Sampled):
         F, G, Q = step
         # what is less than the rounding of B dt is nothing
         G = np.where(np.abs(G) < text.ROUNDING * dt * np.max(np.abs(plant.B), initial=0.0), 0.0, G)
-        found = cls(F, G, Q, dt)
-        found.states, found.inputs = plant.states, plant.inputs
-        return found
+        sampled = cls(F, G, Q, dt)
+        sampled.states, sampled.inputs = plant.states, plant.inputs
+        return sampled
 
     @property
     def A(self) -> Array:  # noqa: N802

@@ -83,17 +83,17 @@ def lqr(
     array([[1.    , 1.7321]])
     """
     B, Q, R, N = shifted(A, (B, Q, R, N))
-    found = plant(A, B)
-    weights = _cost(found, Q, R, N)
-    dt = sample_time(found, dt)
+    process = plant(A, B)
+    weights = _cost(process, Q, R, N)
+    dt = sample_time(process, dt)
     with _named():
-        if found.dt is not None:
-            return _optimal(found, regulation.dlqr(found.A, found.B, weights))
+        if process.dt is not None:
+            return _optimal(process, regulation.dlqr(process.A, process.B, weights))
         if dt is None:
-            return _optimal(found, regulation.lqr(found.A, found.B, weights))
-        step = found.system.sampled(dt)
-        design = regulation.sampled_lqr(found.system, weights, dt)
-        return _optimal(replace(found, A=step.F, B=step.G, dt=dt), design)
+            return _optimal(process, regulation.lqr(process.A, process.B, weights))
+        step = process.system.sampled(dt)
+        design = regulation.sampled_lqr(process.system, weights, dt)
+        return _optimal(replace(process, A=step.F, B=step.G, dt=dt), design)
 
 
 @knows_arguments(Ts='dt', A='F', B='G')
@@ -127,10 +127,10 @@ def dlqr(
     """
     refuse_continuous('F', F)
     G, Q, R, N = shifted(F, (G, Q, R, N))
-    found = plant(F, G)
-    found = replace(found, dt=sample_time(found, dt) or 1.0)
+    process = plant(F, G)
+    process = replace(process, dt=sample_time(process, dt) or 1.0)
     with _named():
-        return _optimal(found, regulation.dlqr(found.A, found.B, _cost(found, Q, R, N)))
+        return _optimal(process, regulation.dlqr(process.A, process.B, _cost(process, Q, R, N)))
 
 
 @contextmanager
@@ -195,16 +195,16 @@ def place(
     array([[2., 3.]])
     """
     B, poles = shifted(A, (B, poles))
-    found = plant(A, B)
+    process = plant(A, B)
     if poles is None:
-        raise ValueError(f'poles: expected {len(found.A)} numbers, one a state, got nothing')
-    dt = sample_time(found, dt)
-    if dt is None or found.dt is not None:
-        design = placement.place(found.A, found.B, poles)
-        return StateFeedback(found, design.gain, design.poles)
-    step = found.system.sampled(dt)
-    design = placement.sampled_place(found.system.A, found.system.B, poles, dt)
-    return StateFeedback(replace(found, A=step.F, B=step.G, dt=dt), design.gain, design.poles)
+        raise ValueError(f'poles: expected {len(process.A)} numbers, one a state, got nothing')
+    dt = sample_time(process, dt)
+    if dt is None or process.dt is not None:
+        design = placement.place(process.A, process.B, poles)
+        return StateFeedback(process, design.gain, design.poles)
+    step = process.system.sampled(dt)
+    design = placement.sampled_place(process.system.A, process.system.B, poles, dt)
+    return StateFeedback(replace(process, A=step.F, B=step.G, dt=dt), design.gain, design.poles)
 
 
 @knows_arguments(Ts='dt', K='C, with A and B: the gain of u = -K x')
@@ -252,8 +252,8 @@ def margins(
     if isinstance(A, StateFeedback):
         if any(given is not None for given in (B, C, D, dt)):
             raise ValueError('B: expected nothing beside a gain, which has its loop')
-        found = A.margins
-        return found[0] if len(found) == 1 else found
+        by_input = A.margins
+        return by_input[0] if len(by_input) == 1 else by_input
     loop = plant(A, B)
     if is_system(A):
         B, C, D = shifted(A, (B, C, D))
@@ -264,8 +264,8 @@ def margins(
     if len(C) != loop.B.shape[1]:
         raise ValueError(f'C: expected a row for each of {loop.B.shape[1]} inputs, got {len(C)}')
     D = None if D is None else np.atleast_2d(numbers('D', D))
-    each = LoopMargins.of(state_space(loop.A, loop.B, C, D, dt))
-    return each[0] if len(each) == 1 else each
+    by_input = LoopMargins.of(state_space(loop.A, loop.B, C, D, dt))
+    return by_input[0] if len(by_input) == 1 else by_input
 
 
 @knows_arguments(Ts='dt', T='dt', Q='W', method='none: the input is held, exactly')
@@ -309,10 +309,10 @@ def discretize(
     if not is_system(A):
         n = len(square('A', A))
         B = np.zeros((n, 0)) if B is None else B
-    found, seconds = plant(A, B), duration('dt', dt)
-    if found.dt is not None:
+    process, seconds = plant(A, B), duration('dt', dt)
+    if process.dt is not None:
         raise ValueError(
-            f'A: expected a system in continuous time, got one with samples of {found.dt:g} s'
+            f'A: expected a system in continuous time, got one with samples of {process.dt:g} s'
         )
-    density = np.zeros(found.A.shape) if W is None else weight('W', W, len(found.A))
-    return Sampled.of(Discretization(found.A, found.B, density)(seconds), seconds, found)
+    density = np.zeros(process.A.shape) if W is None else weight('W', W, len(process.A))
+    return Sampled.of(Discretization(process.A, process.B, density)(seconds), seconds, process)

@@ -106,9 +106,9 @@ def loop_shaping(
         weight('R', R, m, definite=True), weight('V', V, len(C), definite=True),
         number('beyond', beyond),
     )  # fmt: skip
-    found = design.regulator
+    regulator = design.regulator
     return LoopShaping(
-        StateFeedback(system, found.gain, found.poles, found.cost_to_go),
+        StateFeedback(system, regulator.gain, regulator.poles, regulator.cost_to_go),
         observer_of(system.A, C, design.estimator, Labels(system.states, None, None), None),
         design.state_cost, design.noise, design.least, design.gamma,
     )  # fmt: skip

@@ -167,7 +167,7 @@ def monte_carlo(
     given = Given(reference, gain, limits_given(input_limit, input_lower_limit, input_rate_limit))
     loop, law = loop_of(scenario, overrides, given, duration('seconds', seconds))
     loop = replace(loop, replaced=_replaced(arithmetic, loop.believed))
-    found = ensemble(
+    result = ensemble(
         loop,
         law,
         spawned(whole('seed', seed), whole('runs', runs, 1)),
@@ -178,7 +178,7 @@ def monte_carlo(
         chunk=None if chunk is None else whole('chunk', chunk, 1),
         progress=progress,
     )
-    values = {field.name: getattr(found, field.name) for field in fields(Ensemble)}
+    values = {field.name: getattr(result, field.name) for field in fields(Ensemble)}
     return ManyRuns(**values, _loop=loop)
 
 

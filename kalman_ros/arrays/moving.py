@@ -130,7 +130,7 @@ def _state(scenario: Scenario, name: str, named: Mapping[str, float] | None) -> 
     given = {} if named is None else _by_name(name, named)
     state: Array = scenario.model.equilibrium.state.copy()
     state[scenario.model.state.indices(given, name)] = [
-        number(f'{name}.{each}', value) for each, value in given.items()
+        number(f'{name}.{coordinate}', value) for coordinate, value in given.items()
     ]
     return state
 

@@ -116,7 +116,8 @@ class OnlineEstimator(KnownNames):
         """The number of readings of each sensor by their outcome."""
         counts = self._online.counts.items()
         return {
-            name: {outcome.value: n for outcome, n in each.items() if n} for name, each in counts
+            name: {outcome.value: n for outcome, n in outcomes.items() if n}
+            for name, outcomes in counts
         }
 
     @property
@@ -187,9 +188,9 @@ class OnlineEstimator(KnownNames):
         lines = [f'{kind} of {type(self._model).__name__} in time, {when}']
         lines += [f'{label:<12} {mean:12.5g} ± {std:.3g}' for label, mean, std in rows]
         lines += [
-            f'{name}: ' + ', '.join(f'{n} {words}' for words, n in each.items())
-            for name, each in self.counts.items()
-            if each
+            f'{name}: ' + ', '.join(f'{n} {words}' for words, n in outcomes.items())
+            for name, outcomes in self.counts.items()
+            if outcomes
         ]
         return '\n'.join(lines)
 

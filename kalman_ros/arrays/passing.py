@@ -61,8 +61,8 @@ class _Log:
             innovations, variances, nis = zip(*self.corrections)
             values[present] = np.concatenate(innovations)
             variance[present] = np.concatenate(variances)
-        time, found = np.array(self.time), np.array(nis, dtype=float)
-        return Innovations(time, values, np.sqrt(variance), found)
+        time = np.array(self.time)
+        return Innovations(time, values, np.sqrt(variance), np.array(nis, dtype=float))
 
 
 class Pass:
@@ -83,17 +83,17 @@ class Pass:
         self._seconds: dict[int, float] = dict(zip(acts.stamps, acts.time.tolist()))
         known: dict[str, Sensor] = {}
         owners: dict[str, str] = {}
-        for name, each in rows.items():
+        for name, series in rows.items():
             known[name], owners[name] = task.sensors[name], name
-            for index, sensor, y in parts_of(name, task.sensors[name], each):
+            for index, sensor, y in parts_of(name, task.sensors[name], series):
                 known[sensor.name], owners[sensor.name] = sensor, name
-                self._readings[each.stamps[index]].append((name, sensor, index, y))
-            self._seconds.update(zip(each.stamps, each.time.tolist()))
+                self._readings[series.stamps[index]].append((name, sensor, index, y))
+            self._seconds.update(zip(series.stamps, series.time.tolist()))
         if task.model.is_discrete:
             first = min(self._seconds, default=0)
             for stamp in self._seconds:
                 task.model.periods((stamp - first) * 1e-9)
-        self._shown = {stamp for each in rows.values() for stamp in each.stamps}
+        self._shown = {stamp for series in rows.values() for stamp in series.stamps}
         self._filter = build_filter(task.filter, _plan(task, rows), options)
         check_start(self._filter, task.initial, task.sensors, 'initial')
         before = np.zeros(task.model.input.size)
@@ -129,7 +129,9 @@ class Pass:
             innovations={
                 name: log.innovations(self._rows[name].values) for name, log in self._logs.items()
             },
-            readings={name: Series(each.time, each.values) for name, each in self._rows.items()},
+            readings={
+                name: Series(series.time, series.values) for name, series in self._rows.items()
+            },
             outputs={name: self._task.sensors[name].output for name in self._rows},
             counts={name: dict(counter) for name, counter in self.counts.items()},
             log_likelihood=likelihood,
@@ -143,7 +145,7 @@ class Pass:
         """Return H of the sensors that are linear."""
         rest = self._task.model.equilibrium.state
         sensors = {name: self._task.sensors[name] for name in self._rows}
-        return {name: each.jacobian(rest) for name, each in sensors.items() if each.linear}
+        return {name: sensor.jacobian(rest) for name, sensor in sensors.items() if sensor.linear}
 
     def _step(self, stamp: int, *, known: bool) -> tuple[Filtered, list[Correction]]:
         """Process the rows of one time; return the belief after it and the fused readings.
@@ -172,8 +174,8 @@ class Pass:
 def _plan(task: Task, rows: Mapping[str, Rows]) -> Plan:
     """Return the plan of a filter; rates matter for constant gains."""
     rates = dict.fromkeys(task.sensors, 1.0)
-    for name, each in rows.items():
-        gaps = np.diff(np.unique(each.stamps)) * 1e-9
+    for name, series in rows.items():
+        gaps = np.diff(np.unique(series.stamps)) * 1e-9
         if gaps.size:
             rates[name] = 1.0 / float(np.median(gaps))
     timed = {name: TimedSensor(sensor, rates[name]) for name, sensor in task.sensors.items()}
@@ -188,13 +190,13 @@ def gate_limits(
         return {}
     names = dict.fromkeys(owners.values())
     by_name = gates if isinstance(gates, Mapping) else dict.fromkeys(names, gates)
-    found = {}
+    limits = {}
     for name, probability in by_name.items():
         if name not in names:
             raise ValueError(f"gates: '{name}' is not one of the sensors ({', '.join(names)})")
         if not 0.0 < probability <= 1.0:
             raise ValueError(f'gates: expected a probability such as 0.999, got {probability:g}')
-        for own, sensor in known.items():
-            if probability < 1.0 and owners[own] == name:
-                found[own] = chi_square_gate(float(probability), sensor.output.size)
-    return found
+        for part, sensor in known.items():
+            if probability < 1.0 and owners[part] == name:
+                limits[part] = chi_square_gate(float(probability), sensor.output.size)
+    return limits

@@ -239,19 +239,19 @@ def mpc(
     """
     model = A if isinstance(A, Dynamics) else None
     B, Q, R = shifted(A, (B, Q, R))
-    found = plant(A, B)
-    n, m = found.B.shape
+    process = plant(A, B)
+    n, m = process.B.shape
     if not m:
         raise ValueError('B: expected at least one input, got a system without')
-    dt = sample_time(found, dt)
+    dt = sample_time(process, dt)
     if dt is None:
         raise ValueError('dt: expected the length of a step in seconds, got nothing')
     weights = cost(weight('Q', Q, n), weight('R', R, m, definite=True), (n, m))
-    step, price = (found.A, found.B), weights
-    if found.dt is None:
-        sampled = found.system.sampled(dt)
-        step, price = (sampled.F, sampled.G), sampled_cost(found.system, weights, dt)
-    space = Space(found.states, ('',) * n) if model is None else model.state
+    step, price = (process.A, process.B), weights
+    if process.dt is None:
+        sampled = process.system.sampled(dt)
+        step, price = (sampled.F, sampled.G), sampled_cost(process.system, weights, dt)
+    space = Space(process.states, ('',) * n) if model is None else model.state
     limits = limits_of(m, limits_given(input_limit, input_lower_limit, input_rate_limit))
     pairs: Any = {} if state_limit is None else state_limit
     if isinstance(pairs, Mapping):
@@ -266,4 +266,4 @@ def mpc(
     feedback = Feedback(design.gain, np.empty((m, 0)), (), design.poles, prediction)
     rest = (np.zeros(n), np.zeros(m)) if model is None else model.equilibrium
     limits.check('the input at rest', rest[1])
-    return PredictiveControl(space, found.inputs, feedback, limits, rest)
+    return PredictiveControl(space, process.inputs, feedback, limits, rest)

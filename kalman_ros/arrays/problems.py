@@ -104,10 +104,10 @@ def continuous_model(
         state, input = _spaces(A, 'W', W, states, inputs, angles)
         step = _LONGEST if max_step is None else duration('max_step', max_step)
         model = FunctionModel(A, weight('W', W, state.size), state, input, step)
-        found = _resting(model, equilibrium)
+        model = _resting(model, equilibrium)
         if max_step is None:
-            found.max_step = min(_LONGEST, _fastest(found))
-        return found
+            model.max_step = min(_LONGEST, _fastest(model))
+        return model
     _refuse_rest(equilibrium)
     A = square('A', A)
     n = len(A)
@@ -291,8 +291,8 @@ def _parts(
 
 def _labelled(system: Any, states: Names, inputs: Names) -> tuple[Names, Names]:
     """Return the names of states and inputs: those given, else those of a system that has any."""
-    own = labels_of(system)
-    return own[0] if states is None else states, own[1] if inputs is None else inputs
+    labels = labels_of(system)
+    return labels[0] if states is None else states, labels[1] if inputs is None else inputs
 
 
 def _size(names: Names) -> int:
@@ -303,10 +303,10 @@ def _size(names: Names) -> int:
 
 
 def _named(what: str, names: Names, size: int, prefix: str, angles: Sequence[str] = ()) -> Space:
-    found = space(what, size if names is None else names, prefix, angles)
-    if found.size != size:
-        raise ValueError(f'{what}: expected {size} names, got {found.size}')
-    return found
+    coordinates = space(what, size if names is None else names, prefix, angles)
+    if coordinates.size != size:
+        raise ValueError(f'{what}: expected {size} names, got {coordinates.size}')
+    return coordinates
 
 
 def _spaces(

@@ -82,23 +82,23 @@ def sensors_of(given: Any, model: Dynamics) -> dict[str, Sensor]:
         If the argument is invalid, names repeat, or a sensor does not fit the model.
     """
     if isinstance(given, Sensor):
-        found = {given.name or 'y': given}
+        sensors = {given.name or 'y': given}
     elif isinstance(given, Mapping):
-        found = {str(name): _one(str(name), item) for name, item in given.items()}
+        sensors = {str(name): _one(str(name), item) for name, item in given.items()}
     elif isinstance(given, (list, tuple)) and given and all(isinstance(s, Sensor) for s in given):
         names = [sensor.name for sensor in given]
         if '' in names or len(set(names)) < len(names):
             raise ValueError(
                 f"sensors: expected distinct names, got {names}; give {{'gps': sensor, ...}}"
             )
-        found = dict(zip(names, given))
+        sensors = dict(zip(names, given))
     else:
-        found = {'y': _one('sensors', given)}
+        sensors = {'y': _one('sensors', given)}
     x = model.equilibrium.state
-    for name, item in found.items():
-        item = found[name] = item.of(model.state)
+    for name, item in sensors.items():
+        item = sensors[name] = item.of(model.state)
         if item.name != name:
-            item = found[name] = copy(item)
+            item = sensors[name] = copy(item)
             item.name = name
         columns = np.shape(item.jacobian(x)) if item.linear else None
         if columns is not None and columns[-1] != x.size:
@@ -106,7 +106,7 @@ def sensors_of(given: Any, model: Dynamics) -> dict[str, Sensor]:
                 f'{name}: expected {x.size} columns of H, one a state, got {columns[-1]}'
             )
         check_sensor(name, item, x)
-    return found
+    return sensors
 
 
 def _one(name: str, given: Any) -> Sensor:

@@ -114,8 +114,8 @@ def values_of(
 
 def _filter_of(values: Mapping[str, Any], known: Mapping[str, Option]) -> str:
     """Return the name of the filter that parameters choose, or of none that there is."""
-    found = str(values.get('filter', known['filter'].default))
-    return found if found in FILTERS else FILTERS[0]
+    name = str(values.get('filter', known['filter'].default))
+    return name if name in FILTERS else FILTERS[0]
 
 
 @knows_arguments(dt='rate, in Hz', Ts='rate, in Hz', x0='initial_state', P0='initial')
@@ -195,12 +195,12 @@ def make_scenario(
     named = sensors_of(sensors, model)
     refuse_unknown(rates or {}, named, 'sensor')
     for name, sensor in named.items():
-        own = number('rates', (rates or {}).get(name, rate))
+        sensor_rate = number('rates', (rates or {}).get(name, rate))
         try:
-            ratio(own, rate)
+            ratio(sensor_rate, rate)
         except ValueError as error:
             raise ValueError(f'rates: {name}: {error}') from None
-        timed = TimedSensor(sensor, own)
+        timed = TimedSensor(sensor, sensor_rate)
         sources[name] = SensorSource(timed, _NOWHERE, 'configuration', False, 1.0)
     plan = Plan(model, {n: s.timed for n, s in sources.items()}, rate)
     options = dict(law_options or {})

@@ -93,7 +93,7 @@ class SimulatedRun(KnownNames, Trajectory):
         std = np.sqrt(self.covariance.diagonal(axis1=1, axis2=2))
         columns = dict(zip(state.names, self.truth.T))
         for what, values in (('estimate', self.estimate), ('std', std)):
-            columns |= {f'{name} {what}': each for name, each in zip(state.names, values.T)}
+            columns |= {f'{name} {what}': column for name, column in zip(state.names, values.T)}
         return to_dataframe(self.time.tolist(), columns | dict(zip(input.names, self.input.T)))
 
     def plot(self, path: str | Path | None = None, what: str = 'overview') -> Any:
@@ -182,10 +182,10 @@ def simulate(
 def run_of(loop: Loop, seed: int) -> SimulatedRun:
     """Return the run of a loop with a seed."""
     answer = loop.answer and loop.answer()
-    found = closed_loop.run(
+    trajectory = closed_loop.run(
         loop.scenario, None, loop.seconds, seed, believed=loop.believed, answer=answer,
         faults=loop.faults, replaced=loop.replaced,
     )  # fmt: skip
-    values = {field.name: getattr(found, field.name) for field in fields(Trajectory)}
+    values = {field.name: getattr(trajectory, field.name) for field in fields(Trajectory)}
     limited = answer.limited if answer else 0
     return SimulatedRun(**values, scenario=loop.believed, limited=limited, _faults=loop.faults)

@@ -82,8 +82,8 @@ class Stepwise(KnownNames):
             If an argument is invalid; the message names it.
         """
         lower: Any = super()
-        found: Gaussian = lower.predict(self._belief(belief), self._input(u), self._seconds(dt))
-        return found
+        prior: Gaussian = lower.predict(self._belief(belief), self._input(u), self._seconds(dt))
+        return prior
 
     def correct(self, belief: Gaussian, y: ArrayLike, sensor: Sensor) -> Correction:
         """Return what the reading ``y`` (k,) of a sensor makes of a belief.
@@ -120,8 +120,8 @@ class Stepwise(KnownNames):
             )
         lower: Any = super()
         reading = finite('y', y, sensor.output.size)
-        found: Correction = lower.correct(self._belief(belief), reading, sensor)
-        return found
+        correction: Correction = lower.correct(self._belief(belief), reading, sensor)
+        return correction
 
     def _belief(self, given: Any) -> Gaussian:
         n = self.model.state.size

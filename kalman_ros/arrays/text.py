@@ -62,7 +62,7 @@ def sentence(line: str) -> list[str]:
 def clauses(line: str) -> list[str]:
     """Return a sentence wrapped as `sentence` does, but only after a comma."""
     kept = ', '.join(clause.replace(' ', '\0') for clause in line.split(', '))
-    return [each.replace('\0', ' ') for each in sentence(kept)]
+    return [piece.replace('\0', ' ') for piece in sentence(kept)]
 
 
 def poles(values: Iterable[complex]) -> str:

@@ -172,17 +172,17 @@ def _with(
     refuse_unknown(map(str, values), [*model.state.names, *model.input.names], f'name in {what}')
     x, u = (part.astype(float) for part in point)
     for name, value in values.items():
-        found = number(f'{what}: {name}', value)
-        if not np.isfinite(found):
-            raise ValueError(f'{what}: {name}: expected a finite number, got {found:g}')
+        coordinate = number(f'{what}: {name}', value)
+        if not np.isfinite(coordinate):
+            raise ValueError(f'{what}: {name}: expected a finite number, got {coordinate:g}')
         part, space = (x, model.state) if name in model.state.names else (u, model.input)
-        part[space.names.index(name)] = found
+        part[space.names.index(name)] = coordinate
     return OperatingPoint(x, u)
 
 
 def _vector(what: str, value: ArrayLike, space: Space) -> Array:
     """Return finite numbers (n,) of a space."""
-    found = np.atleast_1d(numbers(what, value)).astype(float)
-    if found.shape != (space.size,) or not np.isfinite(found).all():
-        raise ValueError(f'{what}: expected {space.size} finite numbers, got {found.tolist()}')
-    return found
+    array = np.atleast_1d(numbers(what, value)).astype(float)
+    if array.shape != (space.size,) or not np.isfinite(array).all():
+        raise ValueError(f'{what}: expected {space.size} finite numbers, got {array.tolist()}')
+    return array

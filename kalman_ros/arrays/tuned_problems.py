@@ -49,14 +49,16 @@ class ScenarioProblem:
 
     def task(self) -> Task:
         """Return the model, sensors and belief at the start."""
-        found = self._named.scenario
-        sensors = {name: source.sensor for name, source in found.enabled.items()}
-        return Task(found.model, sensors, self._initial or found.initial_belief, found.filter)
+        scenario = self._named.scenario
+        sensors = {name: source.sensor for name, source in scenario.enabled.items()}
+        return Task(
+            scenario.model, sensors, self._initial or scenario.initial_belief, scenario.filter
+        )
 
     def candidate(self, values: Mapping[str, float]) -> Candidate:
         """Return the candidate of some values."""
-        found = self._named.candidate(values)
-        return found if self._initial is None else replace(found, initial=self._initial)
+        candidate = self._named.candidate(values)
+        return candidate if self._initial is None else replace(candidate, initial=self._initial)
 
 
 class FunctionProblem:
@@ -116,16 +118,16 @@ class FunctionProblem:
     def task(self) -> Task:
         """Return the model, sensors and belief at the start."""
         try:
-            found = self._function(**self._starts)
+            output = self._function(**self._starts)
         except TypeError as error:
             raise ValueError(f'problem: {error}') from None
-        if not isinstance(found, tuple) or len(found) not in (2, 3):
+        if not isinstance(output, tuple) or len(output) not in (2, 3):
             raise ValueError(
                 f'problem: expected a function that returns a model and its sensors, and perhaps '
-                f'the first belief, got {got(found)}'
+                f'the first belief, got {got(output)}'
             )
-        model, sensors = found[0], sensors_of(found[1], found[0])
-        first = found[2] if len(found) == 3 else self._initial
+        model, sensors = output[0], sensors_of(output[1], output[0])
+        first = output[2] if len(output) == 3 else self._initial
         belief = belief_of(first, model)
         plan = _plan(model, sensors)
         return Task(model, sensors, belief, self._filter or default_filter(plan))
@@ -154,13 +156,13 @@ def _bias_names(name: str, output: Space) -> list[str]:
 
 
 def _plan(model: Any, sensors: Mapping[str, Any]) -> Plan:
-    return Plan(model, {name: TimedSensor(each, 1.0) for name, each in sensors.items()}, 1.0)
+    return Plan(model, {name: TimedSensor(sensor, 1.0) for name, sensor in sensors.items()}, 1.0)
 
 
 def defaults(function: Callable[..., Any]) -> dict[str, float]:
     """Return the arguments of a function that have a number as their default."""
-    found = {}
-    for name, each in inspect.signature(function).parameters.items():
-        if isinstance(each.default, (int, float)) and not isinstance(each.default, bool):
-            found[name] = float(each.default)
-    return found
+    numbers = {}
+    for name, parameter in inspect.signature(function).parameters.items():
+        if isinstance(parameter.default, (int, float)) and not isinstance(parameter.default, bool):
+            numbers[name] = float(parameter.default)
+    return numbers

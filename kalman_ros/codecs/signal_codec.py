@@ -132,9 +132,9 @@ class SignalCodec:
 
 def _refuse_beyond(message: Any) -> None:
     """Raise AbsentError if a range is outside of the limits of its message, if that has any."""
-    low, high, found = message.min_range, message.max_range, message.range
-    if low < high and (found < low or found > high):
-        raise AbsentError(f'range {found:.4g} is outside of {low:.4g} to {high:.4g}')
+    low, high, distance = message.min_range, message.max_range, message.range
+    if low < high and (distance < low or distance > high):
+        raise AbsentError(f'range {distance:.4g} is outside of {low:.4g} to {high:.4g}')
 
 
 def named(values: Signal, names: tuple[str, ...]) -> Signal:

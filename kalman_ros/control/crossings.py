@@ -61,10 +61,15 @@ def balanced(system: StateSpace) -> StateSpace:
     A, B, C, D = system.A, system.B, system.C, system.D
     # together with B and C, since an integrator alone has no scale
     whole = np.block([[A, B], [C, np.zeros_like(D)]])
-    found, (scale, _) = matrix_balance(whole, permute=False, separate=True)
+    matrix, (scale, _) = matrix_balance(whole, permute=False, separate=True)
     n = len(A)
-    own = scale[n:] / np.exp(np.mean(np.log(scale[n:])))
-    return StateSpace(found[:n, :n], found[:n, n:] / own, found[n:, :n] * own[:, np.newaxis], D)
+    state_scale = scale[n:] / np.exp(np.mean(np.log(scale[n:])))
+    return StateSpace(
+        matrix[:n, :n],
+        matrix[:n, n:] / state_scale,
+        matrix[n:, :n] * state_scale[:, np.newaxis],
+        D,
+    )
 
 
 def frequency(bent: float, dt: float | None) -> float:
@@ -139,12 +144,12 @@ def _value(loop: StateSpace, w: float) -> tuple[complex, complex]:
 
 def _polished(pencil: Array, residual: Residual) -> Array:
     """Return the zeros of a scalar loop's pencil on the imaginary axis, above the origin."""
-    found: list[float] = []
+    frequencies: list[float] = []
     for start in _near_axis(pencil, 1).tolist():
         w = _newton(residual, start)
-        if w is not None and not any(abs(w - other) <= _SAME * w for other in found):
-            found.append(w)
-    return np.sort(np.array(found))
+        if w is not None and not any(abs(w - other) <= _SAME * w for other in frequencies):
+            frequencies.append(w)
+    return np.sort(np.array(frequencies))
 
 
 def _near_axis(pencil: Array, inputs: int, near: float = _NEAR) -> Array:

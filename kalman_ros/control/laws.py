@@ -186,7 +186,7 @@ def build_law(
         if name.startswith(prefix) and law in WITHIN_LIMITS
     }
     others = {name: value for name, value in options.items() if not name.startswith(prefix)}
-    found: Feedback = build_with(
+    feedback: Feedback = build_with(
         LAWS[law], others, Problem(system, weights, dt, limits, regulator)
     )
-    return found
+    return feedback

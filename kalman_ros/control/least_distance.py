@@ -119,8 +119,8 @@ class LeastDistance:
         size = float(np.abs(b[b < 0.0]).max())
         b = b / size
         z, rows = self._search(b, active, deadline)
-        found = self._exact(b, rows, z)
-        return Shortest(size * found.z, found.active)
+        shortest = self._exact(b, rows, z)
+        return Shortest(size * shortest.z, shortest.active)
 
     def _by_least_squares(
         self, b: Array, active: Sequence[int], deadline: float
@@ -161,7 +161,7 @@ class LeastDistance:
         other limit is exceeded; that is the solution (J. Nocedal and S. Wright, Numerical
         Optimization, 2006, theorem 16.4).
         """
-        found, acting = Shortest(z, tuple(rows)), sorted(rows)
+        shortest, acting = Shortest(z, tuple(rows)), sorted(rows)
         for _ in range(_CORRECTIONS):
             if not acting:
                 break
@@ -179,7 +179,7 @@ class LeastDistance:
             if over[most] <= _SURELY * max(abs(b[most]), 1.0):
                 return Shortest(exact, tuple(acting))
             acting = sorted([*acting, most])
-        return found
+        return shortest
 
     def _at(self, b: Array, rows: list[int]) -> tuple[Array, Array]:
         """Return the shortest vector at these limits, and their multipliers.

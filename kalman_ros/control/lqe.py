@@ -63,9 +63,9 @@ def lqe(A: Array, C: Array, W: Array, V: Array, cross: Array | None = None) -> L
         weighed against the process noise.
     """
     N = _cross(W, V, cross)
-    found = riccati.continuous(A.T, C.T, W, V, N, riccati.ESTIMATION)
-    L, P = found.K.T, found.S
-    return LqeDesign(L, L, P, P, found.poles)
+    solution = riccati.continuous(A.T, C.T, W, V, N, riccati.ESTIMATION)
+    L, P = solution.K.T, solution.S
+    return LqeDesign(L, L, P, P, solution.poles)
 
 
 def dlqe(F: Array, C: Array, Q: Array, R: Array, cross: Array | None = None) -> LqeDesign:
@@ -95,9 +95,9 @@ def dlqe(F: Array, C: Array, Q: Array, R: Array, cross: Array | None = None) -> 
         weighed against the process noise.
     """
     N = _cross(Q, R, cross)
-    found = riccati.discrete(F.T, C.T, Q, R, N, riccati.ESTIMATION)
-    L, after = updated(found.S, Readings(C, R))
-    return LqeDesign(L, found.K.T, after, found.S, found.poles)
+    solution = riccati.discrete(F.T, C.T, Q, R, N, riccati.ESTIMATION)
+    L, after = updated(solution.S, Readings(C, R))
+    return LqeDesign(L, solution.K.T, after, solution.S, solution.poles)
 
 
 def sampled_lqe(A: Array, C: Array, W: Array, V: Array, dt: float) -> LqeDesign:
@@ -115,11 +115,11 @@ def sampled_lqe(A: Array, C: Array, W: Array, V: Array, dt: float) -> LqeDesign:
     try:
         return dlqe(F, C, Q, V)
     except DesignError as error:
-        found = lqe(A, C, W, V * dt)
-        if not is_short(dt, A, found.poles):
+        design = lqe(A, C, W, V * dt)
+        if not is_short(dt, A, design.poles):
             raise DesignError(f'{error}, in samples of {dt:g} s') from None
-    gain = found.gain * dt
-    return replace(found, gain=gain, predictor_gain=gain, poles=np.exp(found.poles * dt))
+    gain = design.gain * dt
+    return replace(design, gain=gain, predictor_gain=gain, poles=np.exp(design.poles * dt))
 
 
 def _cross(W: Array, V: Array, cross: Array | None) -> Array:

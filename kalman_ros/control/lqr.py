@@ -88,8 +88,8 @@ def lqr(A: Array, B: Array, weights: Cost) -> LqrDesign:
         a size that cannot be weighed against ``state_cost``.
     """
     Q, R, N = weights.state, weights.input, weights.cross
-    found = riccati.continuous(A, B, Q, R, N, riccati.CONTROL)
-    return LqrDesign(found.K, found.S, found.poles)
+    solution = riccati.continuous(A, B, Q, R, N, riccati.CONTROL)
+    return LqrDesign(solution.K, solution.S, solution.poles)
 
 
 def dlqr(F: Array, G: Array, weights: Cost) -> LqrDesign:
@@ -106,8 +106,8 @@ def dlqr(F: Array, G: Array, weights: Cost) -> LqrDesign:
         a size that cannot be weighed against ``state_cost``.
     """
     Q, R, N = weights.state, weights.input, weights.cross
-    found = riccati.discrete(F, G, Q, R, N, riccati.CONTROL)
-    return LqrDesign(found.K, found.S, found.poles)
+    solution = riccati.discrete(F, G, Q, R, N, riccati.CONTROL)
+    return LqrDesign(solution.K, solution.S, solution.poles)
 
 
 def sampled_cost(system: LinearSystem, weights: Cost, dt: float) -> Cost:
@@ -146,7 +146,7 @@ def sampled_lqr(system: LinearSystem, weights: Cost, dt: float) -> LqrDesign:
     try:
         return dlqr(step.F, step.G, sampled_cost(system, weights, dt))
     except DesignError as error:
-        found = lqr(system.A, system.B, weights)
-        if not is_short(dt, system.A, found.poles):
+        design = lqr(system.A, system.B, weights)
+        if not is_short(dt, system.A, design.poles):
             raise DesignError(f'{error}, in samples of {dt:g} s') from None
-    return replace(found, poles=np.exp(found.poles * dt))
+    return replace(design, poles=np.exp(design.poles * dt))

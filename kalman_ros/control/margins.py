@@ -186,9 +186,11 @@ def _gains(loop: StateSpace, dt: float | None) -> tuple[Margin, Margin]:
     """Return the lower and the upper gain margin: the nearest k with 1 + k L = 0 on the axis."""
     crossings = {frequency(w, dt): _at(loop, w).real for w in real_crossings(loop).tolist()}
     crossings |= {0.0: _at(loop, 0.0).real, frequency(inf, dt): float(loop.D[0, 0])}
-    found = [Margin(-1.0 / L, w) for w, L in crossings.items() if _TINY < abs(L) < 1.0 / _TINY]
-    lower = max((m for m in found if 0.0 < m.value < 1.0), key=_value, default=Margin(0.0))
-    return lower, min((m for m in found if m.value > 1.0), key=_value, default=Margin(inf))
+    candidates = [
+        Margin(-1.0 / L, w) for w, L in crossings.items() if _TINY < abs(L) < 1.0 / _TINY
+    ]
+    lower = max((m for m in candidates if 0.0 < m.value < 1.0), key=_value, default=Margin(0.0))
+    return lower, min((m for m in candidates if m.value > 1.0), key=_value, default=Margin(inf))
 
 
 def _at(loop: StateSpace, w: float) -> complex:
@@ -216,9 +218,11 @@ def _phases(loop: StateSpace, dt: float | None) -> tuple[Margin, Margin, Margin]
     return lead, lag, delay
 
 
-def _least(found: dict[float, float]) -> Margin:
+def _least(by_frequency: dict[float, float]) -> Margin:
     """Return the least of margins by their frequency."""
-    return min((Margin(value, w) for w, value in found.items()), key=_value, default=Margin(inf))
+    return min(
+        (Margin(value, w) for w, value in by_frequency.items()), key=_value, default=Margin(inf)
+    )
 
 
 def peak(M: StateSpace) -> tuple[float, float]:

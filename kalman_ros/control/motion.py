@@ -38,7 +38,7 @@ class Differences(NamedTuple):
 
     def part(self, steps: slice | Array) -> Differences:
         """Return those of some steps."""
-        return Differences(*(each[steps] for each in self))
+        return Differences(*(array[steps] for array in self))
 
 
 @dataclass(frozen=True, eq=False)

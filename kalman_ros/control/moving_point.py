@@ -30,8 +30,8 @@ class SteadyInput(NamedTuple):
 def driven(model: Model, x: Array, u: Array) -> Array:
     """Return which coordinates (n,) the input acts on directly, as booleans."""
     size = np.abs(model.input_jacobian(x, u)).max(axis=1, initial=0.0)
-    found: Array = size > _NO_EFFECT * size.max(initial=0.0)
-    return found
+    mask: Array = size > _NO_EFFECT * size.max(initial=0.0)
+    return mask
 
 
 def steady_input(model: Model, x: Array, rate: Array) -> SteadyInput:

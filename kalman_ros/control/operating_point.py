@@ -20,8 +20,8 @@ def change(model: Dynamics, x: Array, u: Array) -> Array:
     """Return by how much a model changes, in a second or in a period (n,)."""
     if model.is_discrete:
         return model.state.subtract(model.step(x, u, model.period), x)
-    found: Array = model.derivative(x, u)  # type: ignore[attr-defined]
-    return found
+    rate: Array = model.derivative(x, u)  # type: ignore[attr-defined]
+    return rate
 
 
 def is_still(model: Dynamics, point: OperatingPoint) -> bool:
@@ -46,7 +46,7 @@ def is_still(model: Dynamics, point: OperatingPoint) -> bool:
 def _beside(model: Dynamics, point: OperatingPoint, sign: float = 1.0) -> OperatingPoint:
     """Return a point at some distance, different in each coordinate."""
     x, u = (
-        sign * _AWAY * (1.0 + np.abs(each)) * (1.0 + 0.1 * np.arange(len(each))) for each in point
+        sign * _AWAY * (1.0 + np.abs(part)) * (1.0 + 0.1 * np.arange(len(part))) for part in point
     )
     return OperatingPoint(model.state.add(point.state, x), point.input + u)
 

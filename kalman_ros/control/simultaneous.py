@@ -107,9 +107,9 @@ def _refined(M: ComplexArray, x: Array) -> Array:
 
     best = x[1:]
     for order in _ORDERS:
-        found = minimize(norm, best, args=(order,), jac=True, method='BFGS')
-        if norm(found.x, 10**6)[0] <= norm(best, 10**6)[0]:
-            best = found.x
+        optimum = minimize(norm, best, args=(order,), jac=True, method='BFGS')
+        if norm(optimum.x, 10**6)[0] <= norm(best, 10**6)[0]:
+            best = optimum.x
     return np.concatenate(([0.0], best))
 
 
@@ -163,12 +163,12 @@ def _climbed(M: StateSpace, w: float) -> tuple[float, float, Array]:
     from scipy.optimize import minimize_scalar
 
     if 0.0 < w < inf:
-        found = minimize_scalar(
+        optimum = minimize_scalar(
             lambda x: -structured_bound(_at(M, w * float(np.exp(x))))[0],
             bounds=(-0.5, 0.5), method='bounded', options={'xatol': 1e-7},
         )  # fmt: skip
-        if -found.fun > structured_bound(_at(M, w))[0]:
-            w *= float(np.exp(found.x))
+        if -optimum.fun > structured_bound(_at(M, w))[0]:
+            w *= float(np.exp(optimum.x))
     bound, d = structured_bound(_at(M, w))
     return bound, w, d
 

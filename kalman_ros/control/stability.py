@@ -86,7 +86,7 @@ def modes(A: Array, dt: float | None = None) -> tuple[Mode, ...]:
         Seconds a sample; None in continuous time.
     """
     A = np.asarray(A, dtype=float)
-    found = []
+    upper_modes = []
     for eigenvalue in eigenvalues(A):
         edge = _boundary_point(A, complex(eigenvalue), sampled=dt is not None)
         point = complex(eigenvalue) if edge is None else edge
@@ -97,8 +97,8 @@ def modes(A: Array, dt: float | None = None) -> tuple[Mode, ...]:
         else:
             fate = 'decays' if s.real < 0.0 else 'grows'
         if s.imag >= 0.0:
-            found.append(Mode(s, fate))
-    return tuple(sorted(found, key=lambda mode: (-mode.pole.real, mode.pole.imag)))
+            upper_modes.append(Mode(s, fate))
+    return tuple(sorted(upper_modes, key=lambda mode: (-mode.pole.real, mode.pole.imag)))
 
 
 def _boundary_point(A: Array, eigenvalue: complex, *, sampled: bool) -> complex | None:

@@ -127,7 +127,7 @@ def resting_regulator(F: Array, G: Array, weights: Cost, dt: float) -> LqrDesign
         If a state that no input moves grows.
     """
     count = max(round(_HORIZON / dt), 1)
-    steps = Linearization(*(np.broadcast_to(each, (count, *each.shape)) for each in (F, G)))
+    steps = Linearization(*(np.broadcast_to(matrix, (count, *matrix.shape)) for matrix in (F, G)))
     stacked = Cost(*(np.broadcast_to(w, (count, *w.shape)) for w in (
         weights.state, weights.input, weights.cross)))  # fmt: skip
     gains, _, S = backward_riccati(steps, stacked, weights.state)
@@ -160,13 +160,13 @@ def with_gains(model: Dynamics, motion: Motion, weights: Cost) -> Motion:
     end = Cost(costs.state[-1], costs.input[-1], costs.cross[-1])
     rest = regulator_at_rest(steps.F[-1], steps.G[-1], end, dt)
     before = Cost(costs.state[:-1], costs.input[:-1], costs.cross[:-1])
-    found = backward_riccati(Linearization(steps.F[:-1], steps.G[:-1]), before, rest.cost_to_go)
+    solution = backward_riccati(Linearization(steps.F[:-1], steps.G[:-1]), before, rest.cost_to_go)
     G = steps.G[-1]
     W = end.input + G.T @ rest.cost_to_go @ G
     return replace(
         motion,
-        gains=np.concatenate((found.gains, rest.gain[np.newaxis])),
-        differences=Differences(*steps, np.concatenate((found.weights, W[np.newaxis]))),
+        gains=np.concatenate((solution.gains, rest.gain[np.newaxis])),
+        differences=Differences(*steps, np.concatenate((solution.weights, W[np.newaxis]))),
     )
 
 

@@ -77,9 +77,9 @@ class FeedForward:
         ValueError
             If there is none; the message names the coordinates that cannot be reached.
         """
-        found = self.nearest(reference)
+        equilibrium = self.nearest(reference)
         r = vector('reference', reference, len(self.coordinates))
-        at = found.state[list(self.selected)]
+        at = equilibrium.state[list(self.selected)]
         missed = np.abs(at - r) > _REACHED * max(float(np.abs(r).max(initial=0.0)), 1e-300)
         if missed.any():
             about = np.zeros(len(r)) if rest is None else vector('rest', rest, len(r))
@@ -92,7 +92,7 @@ class FeedForward:
                 if there
             )
             raise ValueError(f'reference: no input holds the system at {listed}')
-        return found
+        return equilibrium
 
 
 def feed_forward(system: LinearSystem, coordinates: Sequence[str] | None = None) -> FeedForward:
@@ -147,11 +147,11 @@ def holdable(system: LinearSystem) -> list[str]:
 
     Of states that depend on each other at rest, or outnumber the inputs, the first are taken.
     """
-    found: list[str] = []
+    names: list[str] = []
     for name in system.state.names:
-        candidate = [*found, name]
+        candidate = [*names, name]
         gains = feed_forward(system, candidate)
         reached = gains.state_gain[list(gains.selected)]
         if np.allclose(reached, np.eye(len(candidate)), atol=1e-9):
-            found = candidate
-    return found[: system.input.size]
+            names = candidate
+    return names[: system.input.size]

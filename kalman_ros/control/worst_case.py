@@ -266,12 +266,12 @@ def _climbed(family: _Family, low: Array, high: Array) -> tuple[float, Array]:
     if not isfinite(values[best]) or np.all(low == high):
         return values[best], points[best]
     half = np.where(high > low, 0.5 * (high - low), 1.0)
-    found = minimize(
+    optimum = minimize(
         lambda z: -min(family.value(np.clip(middle + half * z, low, high)), 1e300),
         (points[best] - middle) / half, method='Nelder-Mead',
         options={'maxfev': 40 * len(low), 'xatol': 1e-4, 'fatol': 1e-6 * values[best]},
     )  # fmt: skip
-    at = np.clip(middle + half * found.x, low, high)
+    at = np.clip(middle + half * optimum.x, low, high)
     value = family.value(at)
     return (value, at) if value > values[best] else (values[best], points[best])
 
@@ -382,9 +382,9 @@ def _nearest_unstable(
         return crossing(z / max(np.abs(z).max(), 1e-9), most)
 
     if d > 1:
-        found = minimize(nearest, towards, method='Nelder-Mead', options={'maxfev': 60 * d})
-        if found.fun < best:
-            best, towards = float(found.fun), found.x / np.abs(found.x).max()
+        optimum = minimize(nearest, towards, method='Nelder-Mead', options={'maxfev': 60 * d})
+        if optimum.fun < best:
+            best, towards = float(optimum.fun), optimum.x / np.abs(optimum.x).max()
     if best >= most:
         return inf, None
     return best, at(best, towards)

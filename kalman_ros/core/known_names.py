@@ -27,6 +27,6 @@ class KnownNames:
                 raise AttributeError(f"{kind.__name__} has no '{name}'; here it is {here}")
             known = {*dir(kind), *getattr(kind, '__dataclass_fields__', ())}
             known -= {'other_names', *(dir(tuple) if isinstance(self, tuple) else ())}
-            public = sorted(each for each in known if not each.startswith('_'))
+            public = sorted(attribute for attribute in known if not attribute.startswith('_'))
             hint = nearest(name, public) or f'it has {", ".join(public)}'
             raise AttributeError(f"{kind.__name__} has no '{name}'; {hint}")

@@ -105,7 +105,7 @@ def mounting(
     if frame.startswith('/'):
         raise ValueError(f"frame: expected a name without a leading slash, got '{frame}'")
     if len(translation) != 3 or not np.isfinite(translation).all():
-        got = ', '.join(f'{each:g}' for each in translation)
+        got = ', '.join(f'{length:g}' for length in translation)
         raise ValueError(f'mount.translation: expected forward, left and up in m, got ({got})')
     roll, pitch, yaw = map(float, rotation)
     placed = any(rotation) or any(translation)

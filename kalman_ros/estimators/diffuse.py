@@ -117,14 +117,16 @@ def check_start(
     dt = model.period if model.is_discrete else _STEP
 
     def slopes(x: Array) -> dict[str, Array]:
-        found = {name: each.jacobian(x) for name, each in sensors.items()}
-        return {**found, 'the model': model.linearized_step(x, u, dt)[1]}
+        jacobians = {name: sensor.jacobian(x) for name, sensor in sensors.items()}
+        return {**jacobians, 'the model': model.linearized_step(x, u, dt)[1]}
 
     after = slopes(there)
     for what, before in slopes(here).items():
         changed = np.abs(after[what] - before).max(initial=0.0)
         if changed > _SAME * np.abs((before, after[what])).max(initial=0.0):
-            listed = ', '.join(n for n, each in zip(model.state.names, unknown) if each)
+            listed = ', '.join(
+                n for n, is_unknown in zip(model.state.names, unknown) if is_unknown
+            )
             raise ValueError(
                 f'{name}: expected finite numbers for what {what} is not linear in, got infinite '
                 f'ones for {listed}'

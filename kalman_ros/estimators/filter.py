@@ -186,8 +186,8 @@ class Filter(ABC):
     def stacked(self) -> Filter:
         """Return the filter for beliefs with leading axes, even if its model takes one state."""
         single: Any = self
-        found: Filter = replace(single, model=stacked(self.model))
-        return found
+        batched: Filter = replace(single, model=stacked(self.model))
+        return batched
 
 
 class SmoothableFilter(Filter):
@@ -222,11 +222,11 @@ class LinearUpdate(SmoothableFilter):
         """Return the correction of a belief that knows nothing of some states."""
         x, space = belief.mean, self.model.state
         H, innovation = sensor.jacobian(x), sensor.output.subtract(y, sensor.measure(x))
-        found = update(belief, innovation, H, sensor.covariance)
-        mean, known = space.arrived(x + found.change, x, found.known)
-        _, unknown = space.arrived(x + found.change, x, found.unknown)
+        correction = update(belief, innovation, H, sensor.covariance)
+        mean, known = space.arrived(x + correction.change, x, correction.known)
+        _, unknown = space.arrived(x + correction.change, x, correction.unknown)
         after = settled(mean, known, unknown)
-        return Correction(after, found.innovation, found.covariance, found.gain, H)
+        return Correction(after, correction.innovation, correction.covariance, correction.gain, H)
 
 
 def committed(belief: Gaussian) -> tuple[Gaussian, int]:

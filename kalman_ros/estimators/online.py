@@ -340,8 +340,8 @@ class OnlineEstimator:
         """Return the belief with its mean moved by a first reading, if it starts from that."""
         assert item.sensor is not None
         if state.records[item.key[1]].time is None and self._rests(belief, item):
-            found = likeliest(belief, item.value, item.sensor, item.filter.model)
-            return belief._replace(mean=found.mean)
+            posterior = likeliest(belief, item.value, item.sensor, item.filter.model)
+            return belief._replace(mean=posterior.mean)
         if self._policy.from_reading and state.time is None and not isinstance(belief, Diffuse):
             return match_reading(belief, item.value, item.sensor)
         return belief

@@ -98,8 +98,8 @@ class Adaptation(NamedTuple):
         counts = np.minimum(1.0, self.limit / np.maximum(correction.nis, self.limit))
         of_noise = k.divided(np.broadcast_to(R, S.shape), S)
         expected = of_noise.trace(axis1=-2, axis2=-1)
-        found = (of_noise * of_noise.swapaxes(-1, -2)).sum(axis=(-2, -1))
-        information = MEMORY * np.maximum(found, _LEAST_SHARE * z.shape[-1])
+        squares = (of_noise * of_noise.swapaxes(-1, -2)).sum(axis=(-2, -1))
+        information = MEMORY * np.maximum(squares, _LEAST_SHARE * z.shape[-1])
         change = 1.0 + (through * counts / self.share - expected) / information
         return np.minimum(np.maximum(scale * np.maximum(change, _LEAST_CHANGE), 1.0 / MOST), MOST)
 

@@ -99,17 +99,17 @@ def likeliest(belief: Gaussian, y: Array, sensor: Sensor, model: Dynamics) -> Ga
     solver, space = IteratedExtendedKalmanFilter(model), model.state
     weight = np.linalg.pinv(belief.covariance)
 
-    def misfit(found: Gaussian) -> float:
-        v = sensor.output.subtract(y, sensor.measure(found.mean))
-        d = space.subtract(found.mean, belief.mean)
+    def misfit(candidate: Gaussian) -> float:
+        v = sensor.output.subtract(y, sensor.measure(candidate.mean))
+        d = space.subtract(candidate.mean, belief.mean)
         distance = float(v @ np.linalg.solve(sensor.covariance, v) + d @ weight @ d)
         return distance if np.isfinite(distance) else np.inf
 
-    found = [
+    candidates = [
         solver.correct(belief._replace(mean=mean), y, sensor).posterior
         for mean in (belief.mean, *_turned(belief, space))
     ]
-    return min(found, key=misfit)
+    return min(candidates, key=misfit)
 
 
 def _turned(belief: Gaussian, space: Space) -> Iterator[Array]:

@@ -34,8 +34,8 @@ def product(A: Array, B: Array) -> Array:
 def _of_one(A: Array, B: Array) -> Array:
     """Return A B (..., n, k) for one A (n, m), as a single product."""
     entries = entries_first(B)
-    found = A.dot(entries.reshape(len(entries), -1))
-    return entries_last(found.reshape(len(A), *entries.shape[1:]))
+    flat = A.dot(entries.reshape(len(entries), -1))
+    return entries_last(flat.reshape(len(A), *entries.shape[1:]))
 
 
 def product_transposed(A: Array, B: Array) -> Array:
@@ -217,8 +217,8 @@ def as_columns(points: Array) -> Array:
 
 def moments(weighted: Array, d: Array, Q: Array | None = None) -> Array:
     """Return the sum of W e d' + Q (..., k, n), over the columns of W e and ``d``."""
-    found = product_transposed(weighted, d)
-    return found if Q is None else found + Q
+    total = product_transposed(weighted, d)
+    return total if Q is None else total + Q
 
 
 def remainder(dx: Array, K: Array, dy: Array) -> Array:

@@ -90,7 +90,7 @@ class Discretization:
             F = np.eye(n) + E
         if reach > 1.0:
             F, G, Q = _doubled(F, G, Q, halvings)
-            if not all(np.isfinite(each).all() for each in (F, G, Q)):
+            if not all(np.isfinite(matrix).all() for matrix in (F, G, Q)):
                 raise np.linalg.LinAlgError(
                     f'the model grows beyond all numbers within a step of {dt:g} s'
                 )

@@ -181,10 +181,10 @@ def variances(
 
 def spectral_densities(size: int, **named: ArrayLike) -> Array:
     """Return vectors (size,) of densities that are zero or positive, one after the other."""
-    found = [vector(name, values, size) for name, values in named.items()]
-    for name, values in zip(named, found):
+    densities = [vector(name, values, size) for name, values in named.items()]
+    for name, values in zip(named, densities):
         if not np.all(values >= 0.0):
             raise ValueError(
                 f'{name}: expected spectral densities, zero or positive, got {values.tolist()}'
             )
-    return np.concatenate(found)
+    return np.concatenate(densities)

@@ -140,15 +140,15 @@ def _advanced(phases: Sequence[Phase], P: Array, periods: int) -> tuple[Array, b
         If a map cannot be computed.
     """
     total = reduce(_Map.then, map(_map_of, phases))
-    found = total(P)
+    covariance = total(P)
     for _ in range(periods.bit_length()):
         total = total.then(total)
-        before, found = found, total(P)
-        if not np.isfinite(found).all():
+        before, covariance = covariance, total(P)
+        if not np.isfinite(covariance).all():
             raise np.linalg.LinAlgError('the maps grow beyond all numbers')
-        if _settled(before, found):
-            return found, True
-    return found, False
+        if _settled(before, covariance):
+            return covariance, True
+    return covariance, False
 
 
 def _settled(before: Array, after: Array) -> bool:
@@ -178,9 +178,9 @@ def periodic_filter(phases: Sequence[Phase], periods: int = _MOST_PERIODS) -> Pe
         # rounding, where readings are very good, may keep the steps from what doubling settled at
         starts = [(advanced, min(periods, _MOST_LEFT)), *(starts if settled else [])]
     for start, count in starts:
-        found = _stepped(phases, start, count)
-        if found is not None:
-            return found
+        steady = _stepped(phases, start, count)
+        if steady is not None:
+            return steady
     raise DesignError('the error covariance has no steady state with these sensors')
 
 

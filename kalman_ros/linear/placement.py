@@ -77,7 +77,7 @@ def place(A: Array, B: Array, poles: Sequence[complex]) -> PlacementDesign:
     """
     wanted = _gathered(_checked(len(A), poles))
     _refuse_stuck(A, B)
-    return _placed(A, B, wanted, lambda found: found)
+    return _placed(A, B, wanted, lambda z: z)
 
 
 def _refuse_stuck(A: Array, B: Array) -> None:
@@ -98,7 +98,7 @@ def _placed(
     if B.shape[1] == 1:  # the gain is unique, and the most accurate one is taken
         methods.insert(0, _gain_of_one_input)
         enough = _EXACT
-    best, off, found = None, np.inf, np.full(len(A), np.nan, dtype=complex)
+    best, off, achieved = None, np.inf, np.full(len(A), np.nan, dtype=complex)
     # as robust as can be in the units that are given, unless they are too different
     for method in methods:
         for units in (np.ones(len(A)), balancing(A)):
@@ -110,16 +110,16 @@ def _placed(
             closed = scaled[0] - scaled[1] @ K
             wrong = _distance(closed, wanted)
             if wrong < off:
-                best, off, found = K / units, wrong, eigenvalues(closed)
+                best, off, achieved = K / units, wrong, eigenvalues(closed)
             if best is not None and off <= enough:
                 # eigenvalues of a chain of k scatter by the k-th root of the rounding
-                return PlacementDesign(best, found if repeated <= independent else wanted)
-    near = _farthest(found, wanted) <= _ACCURACY * np.abs(wanted).max()
+                return PlacementDesign(best, achieved if repeated <= independent else wanted)
+    near = _farthest(achieved, wanted) <= _ACCURACY * np.abs(wanted).max()
     if best is not None and (off <= _OFF or (repeated <= independent and near)):
-        return PlacementDesign(best, found if repeated <= independent else wanted)
+        return PlacementDesign(best, achieved if repeated <= independent else wanted)
     raise DesignError(
         f'poles: some mode is moved too little to be placed: asked for '
-        f'{describe(shown(wanted))}, the best gain gives {describe(shown(found))}'
+        f'{describe(shown(wanted))}, the best gain gives {describe(shown(achieved))}'
     )
 
 
@@ -147,16 +147,16 @@ def _robust_gain(A: Array, B: Array, poles: ComplexArray, rank: int) -> Array:
 
 def _gathered(poles: ComplexArray) -> ComplexArray:
     """Return poles of which those that differ by rounding are equal: 0.1 * 3 is 0.3."""
-    found: ComplexArray = poles.copy()
+    gathered: ComplexArray = poles.copy()
     near = _SAME * (float(np.abs(poles).max()) or 1.0)
-    for k, pole in enumerate(found):
+    for k, pole in enumerate(gathered):
         if abs(pole.imag) <= near:
-            found[k] = pole.real
-        for other in found[:k]:
+            gathered[k] = pole.real
+        for other in gathered[:k]:
             for same in (other, other.conjugate()):
-                if abs(found[k] - same) <= near:
-                    found[k] = same
-    return found
+                if abs(gathered[k] - same) <= near:
+                    gathered[k] = same
+    return gathered
 
 
 def _most_repeated(poles: ComplexArray) -> int:
@@ -223,9 +223,9 @@ def _gain_of_one_input(A: Array, B: Array, poles: ComplexArray) -> Array:
     return np.asarray(row / np.prod(below) @ turn[1:, 1:].T, dtype=float)[np.newaxis]
 
 
-def _farthest(found: ComplexArray, wanted: ComplexArray) -> float:
+def _farthest(achieved: ComplexArray, wanted: ComplexArray) -> float:
     """Return the largest distance of wanted poles from found ones, each of which counts once."""
-    away = np.abs(found[:, np.newaxis] - wanted)
+    away = np.abs(achieved[:, np.newaxis] - wanted)
     farthest = 0.0
     for _ in wanted:
         i, k = np.unravel_index(np.argmin(away), away.shape)
@@ -242,8 +242,8 @@ def _distance(closed: Array, poles: ComplexArray) -> float:
     if not np.isfinite(closed).all():
         return np.inf
     rate = float(np.abs(poles).max()) or 1.0
-    wanted, found = np.poly(poles / rate), np.poly(closed / rate)
-    return float(np.abs(found - wanted).max() / np.abs(wanted).max())
+    wanted, coefficients = np.poly(poles / rate), np.poly(closed / rate)
+    return float(np.abs(coefficients - wanted).max() / np.abs(wanted).max())
 
 
 def _jordan(poles: ComplexArray) -> Array:
@@ -284,9 +284,9 @@ def sampled_place(A: Array, B: Array, poles: Sequence[complex], dt: float) -> Pl
     if not np.isfinite(wanted).all():
         raise DesignError(f'poles: samples of {dt:g} s have none at {describe(rates)}')
 
-    def shown(found: ComplexArray) -> ComplexArray:
+    def shown(delta: ComplexArray) -> ComplexArray:
         with np.errstate(divide='ignore'):
-            return np.asarray(np.log1p(found.astype(complex) * dt) / dt)
+            return np.asarray(np.log1p(delta.astype(complex) * dt) / dt)
 
     lost = uncontrollable_modes(*changes)
     if lost.size:

@@ -173,8 +173,8 @@ class Adjustments:
         """
         chosen = self._chosen['estimator']
         if filter and filter != self.value('estimator', 'filter'):
-            own = {option.name for option in estimator_extra(chosen.values)}
-            given = {name: v for name, v in self.given('estimator').items() if name not in own}
+            extra = {option.name for option in estimator_extra(chosen.values)}
+            given = {name: v for name, v in self.given('estimator').items() if name not in extra}
             return settings({**given, 'filter': filter})
         options: dict[str, Any] = {name: chosen.values[name] for name in chosen.own}
         scenario = self.scenario('estimator')

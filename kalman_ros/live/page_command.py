@@ -34,7 +34,7 @@ _EXACT = 2**53
 def are_numbers(values: Any, count: int, most: float) -> bool:
     """Return whether a field is a list of ``count`` numbers, none of them larger than ``most``."""
     within = isinstance(values, list) and len(values) == count
-    return within and all(type(each) in _NUMBER and abs(each) <= most for each in values)
+    return within and all(type(value) in _NUMBER and abs(value) <= most for value in values)
 
 
 @dataclass(frozen=True)

@@ -33,12 +33,12 @@ def chosen(adjustments: Adjustments) -> dict[str, Any]:
 def placed(adjustments: Adjustments) -> dict[str, list[tuple[float, float]]]:
     """Return the poles that are placed, of the ``regulator`` and the ``estimator``."""
     now = chosen(adjustments)
-    found = {}
+    poles = {}
     if now.get('law') == 'placement':
-        found['regulator'] = _poles(adjustments, 'controller', 'regulator')
+        poles['regulator'] = _poles(adjustments, 'controller', 'regulator')
     if now['filter'] == 'luenberger':
-        found['estimator'] = _poles(adjustments, 'estimator', 'observer')
-    return found
+        poles['estimator'] = _poles(adjustments, 'estimator', 'observer')
+    return poles
 
 
 def places(adjustments: Adjustments) -> dict[str, list[float]]:

@@ -179,7 +179,7 @@ def _pale(color: str) -> str:
 
 def _names_of(space: Space, unit: str) -> list[str]:
     """Return the names of the coordinates with a unit."""
-    return [name for name, each in zip(space.names, space.units) if each == unit]
+    return [name for name, unit_of_name in zip(space.names, space.units) if unit_of_name == unit]
 
 
 def _paths_of_readings(source: SensorSource, *, ordered: bool) -> list[str | None]:

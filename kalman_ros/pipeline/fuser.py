@@ -124,7 +124,7 @@ class Fuser:
         # in the order of the stamps: no message is too old because of another of the same batch
         batch = sorted(received, key=itemgetter(0))
         if not self.fusing:
-            batch = [each.set_aside() for each in batch]
+            batch = [message.set_aside() for message in batch]
         arrivals = [
             Arrival(channel.name, time, sample.values, sample.covariance)
             for time, channel, sample, refused in batch

@@ -34,7 +34,7 @@ def fusion(
     if not in_c and options.arithmetic not in (COMPILED, NUMPY):
         expected = f'{COMPILED}, {NUMPY} or {IN_C}'
         raise ValueError(f"arithmetic: expected {expected}, got '{options.arithmetic}'")
-    found = estimation(
+    setup = estimation(
         scenario,
         policy(scenario, options),
         options=extra,
@@ -42,7 +42,7 @@ def fusion(
         arithmetic=COMPILED if in_c else options.arithmetic,
         wait=wait,
     )
-    unknown = np.isinf(found.initial.covariance.diagonal()).any()
+    unknown = np.isinf(setup.initial.covariance.diagonal()).any()
     for option in ('lockstep', 'fixed_lag'):
         if unknown and getattr(options, option):
             raise ValueError(
@@ -50,11 +50,11 @@ def fusion(
             )
     if options.lockstep and scenario.input.stamp_offset:
         raise ValueError('input.stamp_offset: expected 0 with lockstep, where inputs answer steps')
-    return _in_c(scenario, found, options, wait=wait) if in_c else found
+    return _in_c(scenario, setup, options, wait=wait) if in_c else setup
 
 
 def _in_c(
-    scenario: Scenario, found: Estimation, options: EstimatorOptions, *, wait: bool
+    scenario: Scenario, setup: Estimation, options: EstimatorOptions, *, wait: bool
 ) -> Estimation:
     if options.implementation != NATIVE:
         raise ValueError(
@@ -65,7 +65,7 @@ def _in_c(
         raise ValueError(f'arithmetic: {IN_C} is not possible here: CasADi is not installed')
     from kalman_ros.embedded.filter_in_c import in_c  # CasADi is slow to load
 
-    return in_c(scenario, found, wait=wait)
+    return in_c(scenario, setup, wait=wait)
 
 
 def policy(scenario: Scenario, options: EstimatorOptions) -> Policy:
@@ -120,8 +120,8 @@ def _corrects(filter: Filter, belief: Gaussian, u: Array, sensor: Sensor, rate: 
     """Return whether a typical reading gives a finite belief, now and a step later."""
     try:
         for first in (belief, filter.predict(belief, u, 1.0 / rate)):
-            found = filter.correct(first, sensor.measure(first.mean), sensor)
-            posterior = known_part(found.posterior)
+            correction = filter.correct(first, sensor.measure(first.mean), sensor)
+            posterior = known_part(correction.posterior)
             if not is_finite(posterior.mean) or not is_finite(posterior.covariance):
                 return False
     except (ArithmeticError, np.linalg.LinAlgError):

@@ -47,7 +47,7 @@ class Mounts:
     def needed(self) -> bool:
         """Whether any sensor, or the input, takes its place from transforms."""
         signals = [source.signal for source in self._scenario.sensors.values()]
-        return any(each.mounting.from_tf for each in (*signals, self._scenario.input))
+        return any(signal.mounting.from_tf for signal in (*signals, self._scenario.input))
 
     def on_static(self, data: bytes) -> None:
         """Take a message of ``/tf_static``; UndecodableError if it is not one."""

@@ -139,7 +139,7 @@ class FrameHistory:
 
     def at(self, time: int, tolerance: float) -> Placement | None:
         """Return the placement at ``time``, where each transform is known as in `PoseHistory`."""
-        found, frame, passed = Placement(np.zeros(3), np.zeros(3)), self._frame, 0
+        placement, frame, passed = Placement(np.zeros(3), np.zeros(3)), self._frame, 0
         while frame != self._base:
             if frame not in self._links or passed == len(self._way):
                 return None
@@ -148,6 +148,6 @@ class FrameHistory:
                 outer = self._histories[frame].at(time, tolerance)
             if outer is None:
                 return None
-            found, frame = outer.then(found), self._links[frame][0].parent
+            placement, frame = outer.then(placement), self._links[frame][0].parent
             passed += 1
-        return found
+        return placement

@@ -67,14 +67,14 @@ def pairs(
     ValueError
         If a text has another form, or a name occurs twice.
     """
-    found: dict[str, tuple[float, float]] = {}
+    by_name: dict[str, tuple[float, float]] = {}
     for text in texts:
         name, _, numbers = text.partition('=')
         try:
             first, second = map(float, numbers.split(form[1]))
         except ValueError:
             raise ValueError(f"{option}: expected {''.join(form)}, got '{text}'") from None
-        if name in found:
+        if name in by_name:
             raise ValueError(f'{option}: expected one of {name}, got two')
-        found[name] = first, second
-    return found
+        by_name[name] = first, second
+    return by_name

@@ -81,10 +81,10 @@ def of_file(path: Path, changes: Mapping[str, Any], *, control: bool) -> Loop:
     chosen = options(**{k: known[k].check(v) for k, v in values.items() if k in known})
     idle = idle_input(built.model, chosen.idle_input)
     limits = limits_of_inputs(path, dict(changes), built)
-    found = policy(built, replace(chosen, rest_until_input=False))
+    estimator_policy = policy(built, replace(chosen, rest_until_input=False))
     motion = _motion(path, values, built, limits) if control else None
     (blend,) = _of_controller(values, 'transition_time')
-    return loop(built, found, limits, idle, control=control, motion=motion, blend=blend)
+    return loop(built, estimator_policy, limits, idle, control=control, motion=motion, blend=blend)
 
 
 def _of_controller(values: Mapping[str, Any], *names: str) -> list[Any]:
@@ -132,10 +132,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     console = Console(highlight=False)
     try:
         path = shipped.file(options.scenario)
-        found = of_file(path, overrides(options.parameters), control=not options.estimator_only)
+        exported = of_file(path, overrides(options.parameters), control=not options.estimator_only)
         folder = options.out or Path('out') / path.stem / 'export'
         name = options.name or path.stem
-        written = write(found, folder, name, options.precision, path.name, steps=options.steps)
+        written = write(exported, folder, name, options.precision, path.name, steps=options.steps)
         built = None if options.no_build else build(written)
     except (ValueError, RuntimeError, OSError) as error:
         refuse('export', error)

@@ -149,8 +149,8 @@ def _write_files(options: argparse.Namespace, adjustments: Adjustments, *, order
         str(adjustments.value('estimator', 'frame')),
     )
     if options.layout:
-        found = layout(scenario, frame, ordered=ordered)
-        _write('--layout', options.layout, json.dumps(found, indent=2) + '\n')
+        content = layout(scenario, frame, ordered=ordered)
+        _write('--layout', options.layout, json.dumps(content, indent=2) + '\n')
     if options.rviz:
         if not is_drawn(scenario):
             names = ', '.join(scenario.model.state.names)

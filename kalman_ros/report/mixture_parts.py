@@ -35,10 +35,12 @@ def parts_of(result: Any) -> Parts | None:
     """Return the parts of filtered beliefs; None where each is a single Gaussian."""
     record = result.record
     beliefs = [] if result.smoothed else [record.steps[index].belief for index in record.shown]
-    sums = [(k, each) for k, each in enumerate(beliefs) if isinstance(each, Mixture)]
+    sums = [(k, belief) for k, belief in enumerate(beliefs) if isinstance(belief, Mixture)]
     if not sums:
         return None
-    whole = [(k, w, *part) for k, each in sums for w, part in zip(each.weights, each.parts)]
+    whole = [
+        (k, w, *part) for k, mixture in sums for w, part in zip(mixture.weights, mixture.parts)
+    ]
     steps, weights, means, covariances = zip(*whole)
     variances = np.array(covariances).diagonal(axis1=1, axis2=2)
     return Parts(np.array(steps), np.array(weights), np.array(means), np.sqrt(variances))

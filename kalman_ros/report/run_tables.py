@@ -93,8 +93,8 @@ def plain_table(title: str, columns: Sequence[str], words: int = 0) -> Table:
     table.add_column('', no_wrap=True)
     for column in columns:
         table.add_column(column, justify='right', no_wrap=True)
-    for each in table.columns[:words]:
-        each.no_wrap, each.overflow, each.justify = False, 'fold', 'left'
+    for table_column in table.columns[:words]:
+        table_column.no_wrap, table_column.overflow, table_column.justify = False, 'fold', 'left'
     return table
 
 

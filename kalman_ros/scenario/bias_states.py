@@ -94,7 +94,7 @@ class Believed:
     def biases(self, belief: Gaussian) -> dict[str, Gaussian]:
         """Return the bias of each sensor that has one."""
         x, P = belief
-        return {name: Gaussian(x[own], P[own, own]) for name, own in self.places.items()}
+        return {name: Gaussian(x[place], P[place, place]) for name, place in self.places.items()}
 
 
 def believed(
@@ -116,17 +116,17 @@ def believed(
     places = {}
     P = initial.covariance
     density = np.zeros((0, 0))
-    for name, each in biases.items():
+    for name, sensor_bias in biases.items():
         output, start = sensors[name].output, len(P)
         places[name] = slice(start, start + output.size)
         names += [f'{name}.bias.{coordinate}' for coordinate in output.names]
         units += output.units
-        P, density = blocks(P, each.covariance), blocks(density, each.density)
+        P, density = blocks(P, sensor_bias.covariance), blocks(density, sensor_bias.density)
     whole = biased_model(in_continuous_time(model), names, units, density)
     none = slice(len(P), len(P))
-    found = {
+    biased_sensors = {
         name: BiasedSensor(sensor, whole.state, places.get(name, none))
         for name, sensor in sensors.items()
     }
     mean = longer(initial.mean, np.zeros(len(names)))
-    return Believed(whole, found, Gaussian(mean, P), places)
+    return Believed(whole, biased_sensors, Gaussian(mean, P), places)

@@ -91,10 +91,10 @@ class BiasedModel(Model):
 
     def transition(self, x: Array, u: Array, dt: float) -> Transition:
         """Return that of the model, with the walks."""
-        own = self._model.transition(self._own(x), u, dt)
-        still = np.zeros((*own.G.shape[:-2], len(self._kept), own.G.shape[-1]))
-        G = np.concatenate((own.G, still), axis=-2)
-        return Transition(blocks(own.F, self._kept), G, self._walked(own.Q, dt))
+        transition = self._model.transition(self._own(x), u, dt)
+        still = np.zeros((*transition.G.shape[:-2], len(self._kept), transition.G.shape[-1]))
+        G = np.concatenate((transition.G, still), axis=-2)
+        return Transition(blocks(transition.F, self._kept), G, self._walked(transition.Q, dt))
 
     def linearized_step(self, x: Array, u: Array, dt: float) -> LinearizedStep:
         """Return that of the model, with the walks."""
@@ -126,18 +126,18 @@ class BiasedSensor(Sensor):
         Without a bias.
     state
         All states.
-    own
+    place
         Where its bias is among them.
     """
 
-    def __init__(self, sensor: Sensor, state: Space, own: slice) -> None:
-        self._sensor, self._n, self._own = sensor, sensor.state.size, own
+    def __init__(self, sensor: Sensor, state: Space, place: slice) -> None:
+        self._sensor, self._n, self._own = sensor, sensor.state.size, place
         self.output, self.covariance = sensor.output, sensor.covariance
         self.state, self.name, self.linear = state, sensor.name, sensor.linear
         self._C = np.zeros((sensor.output.size, state.size))
-        self._has = own.stop > own.start
+        self._has = place.stop > place.start
         if self._has:
-            self._C[:, own] = np.eye(sensor.output.size)
+            self._C[:, place] = np.eye(sensor.output.size)
 
     def measure(self, x: Array) -> Array:
         """Return the reading with its bias; that of a rotation is a turn in the world."""
@@ -149,9 +149,9 @@ class BiasedSensor(Sensor):
         if self.output.rotations:  # a turn by the bias turns what the sensor reads
             return super().jacobian(x)
         H = self._sensor.jacobian(x[..., : self._n])
-        found = np.broadcast_to(self._C, (*H.shape[:-1], self._C.shape[-1])).copy()
-        found[..., : self._n] = H
-        return np.asarray(found)
+        jacobian = np.broadcast_to(self._C, (*H.shape[:-1], self._C.shape[-1])).copy()
+        jacobian[..., : self._n] = H
+        return np.asarray(jacobian)
 
 
 def biased_model(

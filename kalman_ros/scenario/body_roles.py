@@ -68,11 +68,11 @@ class Body:
 
 def body_of(state: Space, signal: Signal) -> Body:
     """Return the body of a state, by the fields of its message and then by its names."""
-    found: dict[str, int] = {}
+    indices: dict[str, int] = {}
     for index, (name, path) in enumerate(zip(state.names, signal.fields)):
         role = next((role for end, role in _FIELDS.items() if path.endswith(end)), '')
         if not role and _NAMED.fullmatch(path):
             role = _NAMES.get(name, name)
         if role:
-            found.setdefault(role, index)
-    return Body(found)
+            indices.setdefault(role, index)
+    return Body(indices)

@@ -142,14 +142,14 @@ def rebuild(built: Scenario, full: Mapping[str, Any], changed: Iterable[str]) ->
         return built
     if not names <= built.sensors.keys():
         try:
-            found = assemble(full, with_law=bool(built.law))
+            scenario = assemble(full, with_law=bool(built.law))
         except (ValueError, LookupError):
             _check_input(
                 model_of(system_of(full['model']), section(full, 'model_parameters')), built
             )
             raise
-        _check_input(found.model, built)
-        return found
+        _check_input(scenario.model, built)
+        return scenario
     sources = dict(built.sensors)
     for name in names:
         given = section(full, name)
@@ -184,7 +184,7 @@ def _source(
     state: Signal,
     origin: Place | None,
 ) -> SensorSource:
-    own = {key: given.pop(key) for key in ('kind', 'noise', 'rate', 'enabled')}
+    basics = {key: given.pop(key) for key in ('kind', 'noise', 'rate', 'enabled')}
     policy = given.pop('covariance_from')
     reliable, gate = given.pop('reliable'), given.pop('gate')
     soft_gate, adapt = given.pop('soft_gate'), given.pop('adapt')
@@ -200,7 +200,7 @@ def _source(
     try:
         if policy not in POLICIES:
             raise ValueError(f"covariance_from: expected {', '.join(POLICIES)}, got '{policy}'")
-        sensor = sensors.build(own['kind'], model.state, own['noise'], given)
+        sensor = sensors.build(basics['kind'], model.state, basics['noise'], given)
         check_attributes(sensor)
         if pose not in POSES:
             raise ValueError(f"pose: expected {', '.join(POSES)}, got '{pose}'")
@@ -214,8 +214,8 @@ def _source(
             sensor = LeverArm(sensor, body, wire['fields'], arm, gravity)
         sensor.name, sensor.state = name, model.state
         unknown = bias(sensor.output.size, std, density)
-        ratio(own['rate'], loop_rate)
-        timed = TimedSensor(sensor, own['rate'], own['enabled'])
+        ratio(basics['rate'], loop_rate)
+        timed = TimedSensor(sensor, basics['rate'], basics['enabled'])
     except ValueError as error:
         raise ValueError(f'{name}.{error}') from None
     signal = _signal(name, wire, sensor.output.size)

@@ -56,23 +56,23 @@ def options(values: Mapping[str, Any], *, with_law: bool = True) -> dict[str, Op
     system, built = _system(values)
     listed = Option('sensors', list(system.sensors) or [''], About('names of the sensors'))
     filter = Option('filter', system.filter, About(_either(FILTERS)))
-    found = {option.name: option for option in (model, listed, filter)}
-    found.update({option.name: option for option in options_of(_shared)})
+    declared = {option.name: option for option in (model, listed, filter)}
+    declared.update({option.name: option for option in options_of(_shared)})
     for option in options_of(system.build, 'model_parameters.'):
         about = About(**{**option.about.__dict__, 'live': True})
-        found[option.name] = Option(option.name, option.default, about)
+        declared[option.name] = Option(option.name, option.default, about)
     for name in sensor_names(listed.check(values.get('sensors', listed.default))):
         setup = _setup(system, name, values)
-        found.update(sensor_options(name, setup))
-    found.update(signal_options('state', system.state, 'the estimate, truth and reference'))
+        declared.update(sensor_options(name, setup))
+    declared.update(signal_options('state', system.state, 'the estimate, truth and reference'))
     if built.input.size:
-        found.update(signal_options('input', system.input, 'the input'))
+        declared.update(signal_options('input', system.input, 'the input'))
         for key, (value, about) in {**AXES, 'stamp_offset': STAMP_OFFSET}.items():
-            found[f'input.{key}'] = Option(f'input.{key}', value, about)
+            declared[f'input.{key}'] = Option(f'input.{key}', value, about)
         if with_law:
             from . import law
 
-            found.update(law.options(system, built.state, values))
+            declared.update(law.options(system, built.state, values))
     vectors = {
         'initial_state': (system.initial_state, 'initial state of the simulated plant'),
         'initial_estimate': (
@@ -82,8 +82,8 @@ def options(values: Mapping[str, Any], *, with_law: bool = True) -> dict[str, Op
         'initial_std': (system.initial_std, 'initial deviations; .inf: unknown'),
     }
     for name, (default, meaning) in vectors.items():
-        found[name] = Option(name, list(default), About(meaning, live=name != 'initial_state'))
-    return found
+        declared[name] = Option(name, list(default), About(meaning, live=name != 'initial_state'))
+    return declared
 
 
 def _either(names: Iterable[str]) -> str:

@@ -44,14 +44,14 @@ def demo_section(path: Path | None) -> Demo:
         If the file is not a ROS parameter file, the duration no number, the unit no word, or the
         path no list of positions.
     """
-    own = own_section(path, _NAME)
-    duration, unit = own.pop('duration', None), own.pop('time_unit', 's')
+    section = own_section(path, _NAME)
+    duration, unit = section.pop('duration', None), section.pop('time_unit', 's')
     if duration is not None and (isinstance(duration, bool) or not isinstance(duration, Real)):
         raise ValueError(f"{_NAME}: duration: expected a number, got '{duration}'")
     if not isinstance(unit, str):
         raise ValueError(f"{_NAME}: time_unit: expected a word, got '{unit}'")
-    points = _positions(own.pop('path', None))
-    return Demo(None if duration is None else float(duration), unit, own, points)
+    points = _positions(section.pop('path', None))
+    return Demo(None if duration is None else float(duration), unit, section, points)
 
 
 def _positions(numbers: Any) -> Array | None:

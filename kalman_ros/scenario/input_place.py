@@ -37,17 +37,21 @@ class InputPlace:
 
     def __init__(self, signal: Signal) -> None:
         self._place = np.array(signal.mounting.place)
-        found = [quantity(field) for field in signal.fields]
+        quantities = [quantity(field) for field in signal.fields]
 
         def of(kind: str) -> tuple[list[int], list[int]]:
             """Return the coordinates of a kind, and their axes."""
-            pairs = [(k, each.axis) for k, each in enumerate(found) if each and each.kind == kind]
+            pairs = [
+                (k, component.axis)
+                for k, component in enumerate(quantities)
+                if component and component.kind == kind
+            ]
             return [k for k, _ in pairs], [axis for _, axis in pairs]
 
         self._rates, self._velocities, self._accelerations = map(
             of, (RATE, VELOCITY, ACCELERATION)
         )
-        self._scale = np.array(signal.mounting.scale or [1.0] * len(found))
+        self._scale = np.array(signal.mounting.scale or [1.0] * len(quantities))
         self._last = 0
         #: The rate up to which held readings have accounted for its change.
         self._reached: Array | None = None

@@ -19,12 +19,12 @@ def options(system: System, state: Space, values: Mapping[str, Any]) -> dict[str
     """Return the options of the law chosen by ``values``, and of the cost."""
     law = Option('law', 'lqr', About(f'control law: {", ".join(LAWS)}', live=True))
     chosen = str(law.check(values.get(law.name, law.default)))
-    found = {option.name: option for option in (law, *law_options(chosen))}
+    by_name = {option.name: option for option in (law, *law_options(chosen))}
     if chosen in WITHIN_LIMITS:
         for name, unit in zip(state.names, state.units):
             about = About(f'lowest and highest {name}, at a price', unit, live=True)
             option = Option(f'{STATE_LIMIT}.{name}', [-inf, inf], about)
-            found[option.name] = option
+            by_name[option.name] = option
     else:
         _refuse_limits(chosen, values)
     weights = {
@@ -33,8 +33,8 @@ def options(system: System, state: Space, values: Mapping[str, Any]) -> dict[str
     }
     for name, (default, meaning) in weights.items():
         about = About(f'{meaning} in the LQR cost: the diagonal, or all rows', live=True)
-        found[name] = Option(name, list(default), about)
-    return found
+        by_name[name] = Option(name, list(default), about)
+    return by_name
 
 
 def limits_of_states(values: Mapping[str, Any]) -> dict[str, Any]:

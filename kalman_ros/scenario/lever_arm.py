@@ -98,7 +98,7 @@ class LeverArm(Sensor):
 
     def _displacement(self, x: Array) -> Array:
         """Return what the lever arm adds to each coordinate (..., k)."""
-        found: dict[str, Array] = {}
+        displacements: dict[str, Array] = {}
         makers: dict[str, Callable[[Array], Array]] = {
             PLACE: self._moved, VELOCITY: self._swung, ACCELERATION: self._drawn,
         }  # fmt: skip
@@ -107,9 +107,9 @@ class LeverArm(Sensor):
             if kind not in makers:
                 columns.append(np.zeros(x.shape[:-1]))
                 continue
-            if kind not in found:
-                found[kind] = makers[kind](x)
-            columns.append(found[kind][..., axis])
+            if kind not in displacements:
+                displacements[kind] = makers[kind](x)
+            columns.append(displacements[kind][..., axis])
         return np.stack(columns, axis=-1)
 
     def _moved(self, x: Array) -> Array:
@@ -144,7 +144,7 @@ _KNOWN = (PLACE, ATTITUDE, VELOCITY, ACCELERATION, RATE)
 
 
 def _effect(field: str) -> tuple[str, int]:
-    found = quantity(field)
-    if found is None or found.kind not in _KNOWN:
+    component = quantity(field)
+    if component is None or component.kind not in _KNOWN:
         raise ValueError(f"mount.translation: nothing is known of a lever arm of '{field}'")
-    return found.kind, found.axis
+    return component.kind, component.axis

@@ -21,15 +21,15 @@ def _check(what: str, call: Callable[[], Any], shape: tuple[int, ...]) -> None:
     """Raise ValueError if a user's method fails, or does not return finite numbers of a shape."""
     try:
         with np.errstate(all='ignore'):
-            found = np.asarray(call())
-            values = found.real.astype(float)
+            output = np.asarray(call())
+            values = output.real.astype(float)
     except Exception as error:
         kind = type(error).__name__
         reason = str(error).partition('\n')[0]
         raise ValueError(f'{what} fails: {kind}: {reason}') from error
     if values.shape != shape:
         raise ValueError(f'{what}: expected the shape {shape}, got {values.shape}')
-    if np.iscomplexobj(found):
+    if np.iscomplexobj(output):
         raise ValueError(f'{what}: expected real numbers at initial_estimate, got complex ones')
     if not np.isfinite(values).all():
         shown = np.array2string(values, threshold=6, separator=', ').replace('\n', '')
@@ -83,10 +83,10 @@ def check_model(model: Dynamics, x: Array) -> None:
 def check_attributes(sensor: Sensor) -> None:
     """Raise ValueError if a sensor lacks an attribute that its constructor must set."""
     for attribute, kind in (('output', Space), ('covariance', np.ndarray)):
-        found = getattr(sensor, attribute, None)
-        if not isinstance(found, kind):
+        value = getattr(sensor, attribute, None)
+        if not isinstance(value, kind):
             expected = f'expected {kind.__name__}, which its __init__ sets'
-            raise ValueError(f'kind: its {attribute}: {expected}, got {found!r}')
+            raise ValueError(f'kind: its {attribute}: {expected}, got {value!r}')
 
 
 def check_sensor(name: str, sensor: Sensor, x: Array) -> None:

@@ -134,22 +134,22 @@ def with_law(scenario: Scenario, motion: Motion) -> Motion:
     motion = replace(motion, rest=_at_rest(scenario, motion, law))
     if scenario.law not in OPTIMAL:
         return motion
-    found = with_gains(scenario.model, motion, weights_of(scenario))
-    assert found.gains is not None
+    motion = with_gains(scenario.model, motion, weights_of(scenario))
+    assert motion.gains is not None
     if scenario.law not in WITHIN_LIMITS:  # nothing is predicted
-        found = replace(found, differences=None)
-    assert found.gains is not None
+        motion = replace(motion, differences=None)
+    assert motion.gains is not None
     steady = law.gain
-    if np.allclose(found.gains[-1], steady, rtol=_SAME, atol=_SAME * np.abs(steady).max()):
-        found.gains[-1] = steady  # to the last bit what the law does at rest
-    return found
+    if np.allclose(motion.gains[-1], steady, rtol=_SAME, atol=_SAME * np.abs(steady).max()):
+        motion.gains[-1] = steady  # to the last bit what the law does at rest
+    return motion
 
 
 def _at_rest(scenario: Scenario, motion: Motion, law: Feedback) -> Feedback | None:
     """Return the gains about the last state of a motion; None where they are those of the law."""
     end = OperatingPoint(motion.states[-1], motion.inputs[-1])
-    found = SetPointGains(scenario, law).where_possible(end)
-    return None if found is law else found
+    regulator = SetPointGains(scenario, law).where_possible(end)
+    return None if regulator is law else regulator
 
 
 def moving_point(

@@ -267,12 +267,12 @@ def _document(path: Path | None) -> Mapping[str, Mapping[str, Any]]:
     if path is None:
         return {}
     try:
-        found = _load(_read(path)) or {}
+        document = _load(_read(path)) or {}
     except ValueError as error:
         reason = str(error)
     else:
-        if isinstance(found, Mapping) and all(map(_is_section, found.values())):
-            known, names = ('**', *NODES, BETWEEN), [str(k).rpartition('/')[2] for k in found]
+        if isinstance(document, Mapping) and all(map(_is_section, document.values())):
+            known, names = ('**', *NODES, BETWEEN), [str(k).rpartition('/')[2] for k in document]
             for name in names:
                 near = [] if name in known else get_close_matches(name, known, 1, _MISSPELT)
                 if near and near[0] not in name:  # a second estimator may be estimator_2
@@ -281,7 +281,7 @@ def _document(path: Path | None) -> Mapping[str, Mapping[str, Any]]:
                     )
             if not set(names).intersection(known):
                 raise ValueError(f'{path.name}: no section is for one of (/{", ".join(known)})')
-            return found
+            return document
         reason = 'not a ROS parameter file: expected NODE: ros__parameters: NAME: VALUE'
     raise ValueError(f'{path.name}: {reason}')
 
@@ -291,13 +291,13 @@ def _is_section(value: Any) -> bool:
 
 
 def _flat(section: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    parameters: dict[str, Any] = {}
     for key, value in section.items():
         if isinstance(value, Mapping):
-            found.update(_flat(value, f'{prefix}{key}.'))
+            parameters.update(_flat(value, f'{prefix}{key}.'))
         else:
-            found[f'{prefix}{key}'] = value
-    return found
+            parameters[f'{prefix}{key}'] = value
+    return parameters
 
 
 def section(values: Mapping[str, Any], name: str) -> dict[str, Any]:
@@ -318,16 +318,16 @@ def by_section(values: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
 
 def overrides(given: Sequence[str]) -> dict[str, Any]:
     """Return ``NAME:=VALUE`` arguments as parameters; ValueError if one is malformed."""
-    found = {}
+    parameters = {}
     for text in given:
         name, separator, value = text.partition(':=')
         try:
-            found[name] = _load(value)
+            parameters[name] = _load(value)
         except ValueError:
             separator = ''
         if not separator:
             raise ValueError(f"-p: expected NAME:=VALUE, got '{text}'")
-    return found
+    return parameters
 
 
 class Lined(NamedTuple):
@@ -362,5 +362,5 @@ def _lined(loader: _Loader, node: Any) -> Lined:
     names = _names(node)
     # the line of a value that begins on a later one is that of its name
     lines = {name: key.start_mark.line + 1 for name, (key, _) in zip(names, node.value)}
-    found = {name: _lined(loader, value) for name, (_, value) in zip(names, node.value)}
-    return Lined({key: each._replace(line=lines[key]) for key, each in found.items()}, line)
+    values = {name: _lined(loader, value) for name, (_, value) in zip(names, node.value)}
+    return Lined({key: entry._replace(line=lines[key]) for key, entry in values.items()}, line)

@@ -287,11 +287,11 @@ def _resting(
     moves = [index not in position for index in coordinates]
     if (missed[moves] > _STILL * max(1.0, float(np.abs(difference).max()))).any():
         return None
-    found = state.add(rest, nearest.state)
-    found[list(coordinates)] = values
+    x = state.add(rest, nearest.state)
+    x[list(coordinates)] = values
     for index, value in hints.items():
-        found[index] = value
-    return OperatingPoint(found, scenario.model.equilibrium.input + nearest.input)
+        x[index] = value
+    return OperatingPoint(x, scenario.model.equilibrium.input + nearest.input)
 
 
 def _headings_at(points: Array, yaw: Array, positions: Array) -> Array:

@@ -220,8 +220,8 @@ def target(scenario: Scenario, equilibria: FeedForward, state: Array) -> Operati
     difference = scenario.model.state.subtract(state, rest.state)
     if not np.isfinite(difference).all():
         raise ValueError('reference: expected finite numbers')
-    found = equilibria.equilibrium(difference, rest.state)
-    held = OperatingPoint(rest.state + found.state, rest.input + found.input)
+    equilibrium = equilibria.equilibrium(difference, rest.state)
+    held = OperatingPoint(rest.state + equilibrium.state, rest.input + equilibrium.input)
     if not all(map(is_finite, held)):
         raise ValueError('reference: expected numbers whose squares are finite')
     return held
@@ -278,13 +278,13 @@ def actuators(scenario: Scenario, values: Mapping[str, Any]) -> tuple[Limits, Ar
         beyond them.
     """
     model = scenario.model
-    found, idle = (
+    limits, idle = (
         limits_of(model.input.size, values),
         idle_input(model, values.get('idle_input', 'zero')),
     )
-    found.check('the input at rest', model.equilibrium.input)
-    found.check('the idle input', idle, '; or choose idle_input: equilibrium')
-    return found, idle
+    limits.check('the input at rest', model.equilibrium.input)
+    limits.check('the idle input', idle, '; or choose idle_input: equilibrium')
+    return limits, idle
 
 
 def price(scenario: Scenario) -> Cost:

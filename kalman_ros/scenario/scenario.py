@@ -127,7 +127,7 @@ class Scenario:
             f'std {self.initial_belief.std.tolist()}',
         }
         head = f'{type(self.model).__name__} at {self.rate:g} Hz, filter {self.filter}{law}'
-        return '\n'.join((head, *(f'{name}: {each}' for name, each in lines.items())))
+        return '\n'.join((head, *(f'{name}: {line}' for name, line in lines.items())))
 
     @property
     def plan(self) -> Plan:

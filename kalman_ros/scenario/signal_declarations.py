@@ -65,7 +65,7 @@ def sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
         If the kind is unknown.
     """
     signal = setup.signal
-    own: dict[str, tuple[Value, About]] = {
+    common: dict[str, tuple[Value, About]] = {
         'kind': (setup.kind, About('kind of sensor, or package.module:Class of your own')),
         'noise': (list(setup.noise), About('standard deviation of each coordinate', live=True)),
         'rate': (setup.rate, About('readings a second', 'Hz', minimum=1e-6, live=True)),
@@ -173,15 +173,17 @@ def sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
         ),
         'reliable': (False, About('subscribe reliably, not best effort')),
     }
-    found = {key: Option(f'{name}.{key}', default, about) for key, (default, about) in own.items()}
+    by_name = {
+        key: Option(f'{name}.{key}', default, about) for key, (default, about) in common.items()
+    }
     try:
         listed = sensors.options(setup.kind)
     except ValueError as error:
         raise ValueError(f'{name}.{error}') from None
     for option in listed:
         default = setup.options.get(option.name, option.default)
-        found[option.name] = Option(f'{name}.{option.name}', default, option.about)
-    return {option.name: option for option in found.values()}
+        by_name[option.name] = Option(f'{name}.{option.name}', default, option.about)
+    return {option.name: option for option in by_name.values()}
 
 
 def signal_options(section: str, signal: Signal, meaning: str) -> dict[str, Option]:

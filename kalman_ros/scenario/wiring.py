@@ -31,13 +31,13 @@ def system(name: str) -> System:
     ValueError
         If there is none, or it is not one of the three.
     """
-    found = models.find_model(name)
-    if isinstance(found, System):
-        return found
+    entry = models.find_model(name)
+    if isinstance(entry, System):
+        return entry
     if ':' not in name:
-        return _shipped(name, found)
+        return _shipped(name, entry)
     try:
-        model = found()
+        model = entry()
     except TypeError as error:
         raise ValueError(f"model: '{name}' cannot be built without arguments: {error}") from None
     except ValueError:
@@ -48,7 +48,7 @@ def system(name: str) -> System:
     if not isinstance(model, Dynamics):
         raise ValueError(f"model: '{name}' gives a {type(model).__name__}, not a Model")
     models.check_spaces(model)
-    return by_name(found, model)
+    return by_name(entry, model)
 
 
 @cache

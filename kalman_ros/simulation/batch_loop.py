@@ -72,8 +72,8 @@ class Loop:
     def estimation(self) -> Estimation:
         """The estimation of each loop, for readings in order."""
         in_order = Policy(max_gap=0.0)
-        found = estimation(self.believed, in_order, filter=self.filter, biases=False)
-        return found if self.replaced is None else self.replaced(found)
+        setup = estimation(self.believed, in_order, filter=self.filter, biases=False)
+        return setup if self.replaced is None else self.replaced(setup)
 
     @property
     def steps(self) -> int:

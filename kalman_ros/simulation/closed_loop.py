@@ -86,8 +86,8 @@ def run(
     space, (x0, u0) = believed.model.state, believed.model.equilibrium
     K = np.zeros((u0.size, x0.size)) if gain is None else gain
     in_order = Policy(max_gap=0.0)
-    found = estimation(believed, in_order, filter=filter, biases=False)
-    estimator = (found if replaced is None else replaced(found)).online(u0)
+    setup = estimation(believed, in_order, filter=filter, biases=False)
+    estimator = (setup if replaced is None else replaced(setup)).online(u0)
     logs = {name: _Log() for name in believed.sensors}
     rows = []
     for step in range(round(seconds * scenario.rate) + 1):

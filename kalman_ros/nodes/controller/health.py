@@ -128,11 +128,11 @@ class Health:
         motion, elapsed = self._regulator.motion, self._regulator.elapsed
         if motion is None:
             return {}
-        found = {'motion': f'{elapsed:.2f} of {motion.duration:.2f} s'}
+        progress = {'motion': f'{elapsed:.2f} of {motion.duration:.2f} s'}
         body = body_of(scenario.model.state, scenario.state)
         places = [body.index[axis] for axis in body.position]
         if places:
             ahead = motion.states[min(int(elapsed / motion.dt), len(motion.states) - 1) :, places]
             length = float(np.linalg.norm(np.diff(ahead, axis=0), axis=1).sum())
-            found['remaining distance [m]'] = f'{length:.3f}'
-        return found
+            progress['remaining distance [m]'] = f'{length:.3f}'
+        return progress

@@ -365,15 +365,15 @@ class ControllerNode(runtime.ScenarioNode):
         gains, equilibria = self._gains, self._reference.equilibria
         if changed:  # else the design, which takes tens of milliseconds
             gains, equilibria = SetPointGains(scenario, feedback(scenario)), tracking(scenario)
-        found = gains.law
+        law_at_target = gains.law
         if motion is None:
-            found = gains.at(OperatingPoint(*self._regulator.target))
+            law_at_target = gains.at(OperatingPoint(*self._regulator.target))
         before = self._regulator.feedback.prediction
 
         def apply() -> None:
             self._gains = gains
-            self._regulator.adopt(gains.law, options.transition_time, bounds, found)
-            self._name_outside(before, found.prediction)
+            self._regulator.adopt(gains.law, options.transition_time, bounds, law_at_target)
+            self._name_outside(before, law_at_target.prediction)
             self._limiter.adopt(bounds, idle)
             self._guard.adopt(*accepted)
             self._reference.adopt(scenario, equilibria, bounds)

@@ -82,8 +82,8 @@ class ReferenceReader:
         fields = state.fields
         given = [index for index, field in enumerate(fields) if field.startswith(_POSE)]
         if given:
-            own = tuple(f'pose.{fields[index][len(_POSE) :]}' for index in given)
-            self._subscribe(Signal('goal', 'geometry_msgs/PoseStamped', own), given)
+            paths = tuple(f'pose.{fields[index][len(_POSE) :]}' for index in given)
+            self._subscribe(Signal('goal', 'geometry_msgs/PoseStamped', paths), given)
 
     def rest_near(self, state: Array) -> OperatingPoint:
         """Return the state and the input of the equilibrium nearest to a state (n,)."""

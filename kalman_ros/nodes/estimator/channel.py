@@ -93,8 +93,8 @@ class SensorChannel(Subscribed, SensorReader):
         origin: Origin,
         mounts: Mounts,
     ) -> None:
-        own = node.options.frame, node.options.child_frame
-        super().__init__(name, source, origin, own, node.get_logger().warning, mounts)
+        frames = node.options.frame, node.options.child_frame
+        super().__init__(name, source, origin, frames, node.get_logger().warning, mounts)
         self._publish = InnovationPublisher(node, state, name, source.sensor.output)
         self.rate, self.use = Rate(), Use()
         #: From the stamp of a reading to the publication of its estimate.

@@ -53,8 +53,8 @@ class FrameFinder:
         try:
             for topic, queue in ((TF_STATIC, STATIC), (TF, TRANSFORMS)):
                 take = partial(self._on_tf, topic)
-                found = node.create_subscription(kind, topic, take, queue, raw=True)
-                self._entities.append((node.destroy_subscription, found))
+                subscription = node.create_subscription(kind, topic, take, queue, raw=True)
+                self._entities.append((node.destroy_subscription, subscription))
         except Exception as error:
             self.stop()
             why = reason(error)

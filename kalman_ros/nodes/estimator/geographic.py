@@ -109,10 +109,10 @@ class GeographicServer:
             fix.latitude, fix.longitude, fix.altitude = where
             self._fixes.publish(fix)
             if self._geo_points is not None:
-                found = self._geo_points.msg_type(header=message.header)
-                position = found.position
+                geo_point = self._geo_points.msg_type(header=message.header)
+                position = geo_point.position
                 position.latitude, position.longitude, position.altitude = where
-                self._geo_points.publish(found)
+                self._geo_points.publish(geo_point)
 
     def _on_fix(self, message: NavSatFix) -> None:
         # what asks for a place has no status of a receiver
@@ -126,9 +126,9 @@ class GeographicServer:
         where = asked.latitude, asked.longitude, asked.altitude
         local = self._answer(FROM_LL, lambda plane: local_of(plane, _place(where)))
         if local is not None:
-            found = PointStamped(header=header, point=self._point(local))
-            found.header.frame_id = self._frame
-            self._points.publish(found)
+            point = PointStamped(header=header, point=self._point(local))
+            point.header.frame_id = self._frame
+            self._points.publish(point)
 
     def _to_ll(self, request: Any, response: Any) -> Any:
         self._write_place('toLL', request.map_point, response.ll_point)
@@ -136,8 +136,8 @@ class GeographicServer:
 
     def _to_ll_array(self, request: Any, response: Any) -> Any:
         response.ll_points = [self._make_place() for _ in request.map_points]
-        for point, found in zip(request.map_points, response.ll_points):
-            self._write_place('toLLArray', point, found)
+        for point, geo_point in zip(request.map_points, response.ll_points):
+            self._write_place('toLLArray', point, geo_point)
         return response
 
     def _from_ll(self, request: Any, response: Any) -> Any:
@@ -146,15 +146,15 @@ class GeographicServer:
 
     def _from_ll_array(self, request: Any, response: Any) -> Any:
         read = partial(self._read_place, 'fromLLArray')
-        response.map_points = [read(each) for each in request.ll_points]
+        response.map_points = [read(geo_point) for geo_point in request.ll_points]
         return response
 
     def _write_place(self, service: str, point: Any, result: Any) -> None:
         where = self._answer(service, lambda plane: place_at(plane, point))
         result.latitude, result.longitude, result.altitude = where or _NOWHERE
 
-    def _read_place(self, service: str, found: Any) -> Point:
-        where = found.latitude, found.longitude, found.altitude
+    def _read_place(self, service: str, geo_point: Any) -> Point:
+        where = geo_point.latitude, geo_point.longitude, geo_point.altitude
         local = self._answer(service, lambda plane: local_of(plane, _place(where)))
         return self._point(local or _NOWHERE)
 

@@ -68,8 +68,8 @@ class Health:
         self._restarts = online.restarts
         values['repairs of the covariance'] = online.repairs
         sources = scenario.sensors
-        silent = [name for name, found in channels.items() if found.silent(sources[name])]
-        doubtful = [name for name, found in channels.items() if not found.nis.inside()]
+        silent = [name for name, channel in channels.items() if channel.silent(sources[name])]
+        doubtful = [name for name, channel in channels.items() if not channel.nis.inside()]
         wrong = '' if fuser.fusing else 'fusion is switched off by ~/toggle'
         wrong = wrong or ahead
         if not wrong and online.time is None:
@@ -115,12 +115,14 @@ class Health:
         outcomes = [
             f'{count} of {name} {outcome.value}'
             + (f' ({channels[name].trouble})' if outcome.explained else '')
-            for name, found in counts.items()
-            for outcome, count in found.items()
+            for name, outcome_counts in counts.items()
+            for outcome, count in outcome_counts.items()
             if count
         ]
         if not outcomes:
             return 'no readings received'
-        used = any(outcome.accepted for found in counts.values() for outcome in +found)
+        used = any(
+            outcome.accepted for outcome_counts in counts.values() for outcome in +outcome_counts
+        )
         since = ' since the last reset; in total' if used else ''
         return f'no reading could be used{since}: {", ".join(outcomes)}'

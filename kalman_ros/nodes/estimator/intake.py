@@ -96,7 +96,7 @@ class RealTimeIntake:
         if monotonic() - start > _LONG:  # as where sensors were mounted meanwhile
             now = self._now()
         fused = fuser.fuse(received, now or None)
-        corrected = [each for each in fused if each.correction is not None]
+        corrected = [reading for reading in fused if reading.correction is not None]
         if not corrected or not self._meeting.over:
             return
         online = fuser.online
@@ -104,8 +104,10 @@ class RealTimeIntake:
             self._node.publish(online.time, online.belief)
             done = monotonic()
             self._latency.add(done - start)
-            for each in corrected:
-                each.channel.age.add(((now or each.time) - each.time) * 1e-9 + done - start)
+            for reading in corrected:
+                reading.channel.age.add(
+                    ((now or reading.time) - reading.time) * 1e-9 + done - start
+                )
         self._node.publish_innovations(corrected, _MOST_INNOVATIONS)
         if start - self._worked > _PAUSE:  # now it is longest until the next message
             self._worked = start
@@ -113,7 +115,7 @@ class RealTimeIntake:
 
     def _waiting_readings(self, first: Channel, data: bytes, now: int) -> list[Received]:
         """Return the readings that are waiting; ``data``, received on ``first``, may be one."""
-        found, sensors = [], self._scenario.sensors
+        received, sensors = [], self._scenario.sensors
         for name, channel in self._fuser.channels.items():
             messages, missed = channel.take([data] if channel is first else [])
             if not messages or not sensors[name].timed.enabled:
@@ -128,8 +130,8 @@ class RealTimeIntake:
                 time = reading.time or now
                 if now:  # simulated time may not have started
                     channel.measure_lead(time, now)
-                found.append(Received(time, channel, reading, reading.refused))
-        return found
+                received.append(Received(time, channel, reading, reading.refused))
+        return received
 
     def _waiting_inputs(self, first: Channel, data: bytes, now: int) -> Iterator[Received]:
         """Yield the inputs that are waiting; ``data``, received on ``first``, may be one."""

@@ -70,9 +70,9 @@ class EstimatorNode(runtime.ScenarioNode):
             expected = f'0 or at least {_SLOWEST:g} Hz'
             raise ValueError(f'publish_rate: expected {expected}, got {options.publish_rate:g}')
         settings = Settings(scenario, options, self.extra)
-        found = settings.fusion(wait=options.lockstep)
+        estimation = settings.fusion(wait=options.lockstep)
         origin = self._origin = settings.origin()
-        self._online, self._estimation = settings.estimator(found), found
+        self._online, self._estimation = settings.estimator(estimation), estimation
         seen = observability(scenario)
         self._publish = EstimatePublisher(self, scenario, options, origin)
         self._read_pose = PoseReader(scenario, options.frame)
@@ -81,7 +81,7 @@ class EstimatorNode(runtime.ScenarioNode):
         if options.fixed_lag:
             self._smoothed = SmoothedPublisher(self, scenario, options, self._online)
         self._latency = Latency()
-        own, warn = (options.frame, options.child_frame), self.get_logger().warning
+        frames, warn = (options.frame, options.child_frame), self.get_logger().warning
         self._mounts = mounts = Mounts(scenario, options.child_frame, warn)
         self._transforms, self._static = None, None
         if options.publish_tf and self._has_transforms('publish_tf: no transform is published'):
@@ -93,7 +93,7 @@ class EstimatorNode(runtime.ScenarioNode):
             name: SensorChannel(self, name, source, scenario.state, origin, mounts)
             for name, source in scenario.sensors.items()
         }
-        input = InputChannel(scenario.input, own, warn, mounts)
+        input = InputChannel(scenario.input, frames, warn, mounts)
         self._fuser = Fuser(
             scenario,
             self._online,
@@ -101,10 +101,10 @@ class EstimatorNode(runtime.ScenarioNode):
             input,
             warn,
             settings.input_timeout(),
-            found.arithmetic,
+            estimation.arithmetic,
         )
         self._changeover = Changeover(self, lambda: self._use(self._fuser.scenario))
-        self._changeover.when_compiled(found.pending)
+        self._changeover.when_compiled(estimation.pending)
         mounts.on_mounted = self._use_before_next
         self._health = Health(self._fuser, self._latency, warn)
         self.get_logger().info(str(seen))  # after all checks
@@ -213,9 +213,9 @@ class EstimatorNode(runtime.ScenarioNode):
 
         def on_message(data: bytes) -> None:
             # of those that wait only the last one counts, and a flood must hold up nothing else
-            self.intake.newest(found.topic_name, take, waiting(found, [data]))
+            self.intake.newest(subscription.topic_name, take, waiting(subscription, [data]))
 
-        found = self.create_subscription(kind, topic, on_message, QUEUE, raw=True)
+        subscription = self.create_subscription(kind, topic, on_message, QUEUE, raw=True)
         return take
 
     def _look_for_frame(self, take: Callable[[Frames], bool | None], refusal: str) -> bool | None:
@@ -253,16 +253,16 @@ class EstimatorNode(runtime.ScenarioNode):
         if scenario is not self.scenario:
             observability(scenario)  # what no filter can follow is refused
         mounted = self._mounts.applied(scenario)
-        found = fusion(mounted, options, extra, wait=options.lockstep)
+        estimation = fusion(mounted, options, extra, wait=options.lockstep)
         pairs = zip(scenario.initial_belief, self.scenario.initial_belief)
         if not all(np.array_equal(new, old) for new, old in pairs):
-            check_start(found, mounted)
+            check_start(estimation, mounted)
 
         def apply() -> None:
-            self._estimation = found
-            self._fuser.configure(mounted, found)
+            self._estimation = estimation
+            self._fuser.configure(mounted, estimation)
             self._mounts.configure(scenario)
-            self._changeover.when_compiled(found.pending)
+            self._changeover.when_compiled(estimation.pending)
 
         return apply
 
@@ -272,10 +272,10 @@ class EstimatorNode(runtime.ScenarioNode):
 
     def _use(self, scenario: Scenario) -> None:
         """Continue with a sensor whose mounting is known now, or with what is compiled now."""
-        found = fusion(scenario, self.options, self.extra, wait=self.options.lockstep)
-        self._estimation = found
-        self._fuser.configure(scenario, found)
-        self._changeover.when_compiled(found.pending)
+        estimation = fusion(scenario, self.options, self.extra, wait=self.options.lockstep)
+        self._estimation = estimation
+        self._fuser.configure(scenario, estimation)
+        self._changeover.when_compiled(estimation.pending)
 
     def _on_static(self, data: bytes) -> None:
         self.intake(TF_STATIC, self._mounts.on_static, data)
@@ -283,10 +283,10 @@ class EstimatorNode(runtime.ScenarioNode):
     def report(self) -> Report:
         """Return the outcomes of the readings, and whether innovations scatter as expected."""
         lockstep = self.options.lockstep
-        found = self._health.report(self.scenario, self._publish.count, lockstep=lockstep)
+        report = self._health.report(self.scenario, self._publish.count, lockstep=lockstep)
         if not self.get_clock().now().nanoseconds:
-            found = Level.WARN, 'use_sim_time: nothing is received on /clock', found[2]
-        return found if self._transforms is None else self._transforms.report(*found)
+            report = Level.WARN, 'use_sim_time: nothing is received on /clock', report[2]
+        return report if self._transforms is None else self._transforms.report(*report)
 
 
 def main() -> None:

@@ -106,10 +106,10 @@ class TransformPublisher:
         times = self._foreign
         if len(times) < _FOREIGN or monotonic() - times[-1] > _RECENTLY:
             return ''
-        found = f"the transform '{self._options.frame}' to '{self._write.child}'"
+        transform = f"the transform '{self._options.frame}' to '{self._write.child}'"
         names = other_publishers(self._node, TF)
         by = f'one of {", ".join(names)}' if len(names) > 1 else (*names, 'another node')[0]
-        return f'{found} is published by {by}, too'
+        return f'{transform} is published by {by}, too'
 
     def _recognise(self, stamp: bytes) -> None:
         """Note whether a transform of these frames is one of those that were sent."""
@@ -155,10 +155,10 @@ class TransformPublisher:
 
     def _take(self, data: bytes, *, static: bool) -> None:
         transforms = self._node.intake(TF_STATIC if static else TF, transforms_in, data) or []
-        own = self._options.frame, self._write.child
-        for each in transforms:
-            pair = each.parent, each.child
-            if static or pair != own:
+        published = self._options.frame, self._write.child
+        for transform in transforms:
+            pair = transform.parent, transform.child
+            if static or pair != published:
                 self._tree.add(*pair, self._now(), static=static)
             else:  # beside others in a message, which none from here has
                 self._note_foreign()
@@ -171,7 +171,7 @@ class TransformPublisher:
             return False
         one = data[:4] + data[8:]  # without the number of transforms it begins with a header
         try:
-            found = tuple(frame_and_end(one, of_child=each)[0] for each in (False, True))
+            frames = tuple(frame_and_end(one, of_child=of_child)[0] for of_child in (False, True))
         except struct.error:
             return False
-        return found == (self._options.frame, self._write.child)
+        return frames == (self._options.frame, self._write.child)

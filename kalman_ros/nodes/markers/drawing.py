@@ -75,8 +75,8 @@ class MarkerDrawing:
         }
         self._bearings: dict[str, float] = {}
         self._low = self._high = np.zeros(3)
-        for each in self._places():
-            self._extend(each)
+        for place in self._places():
+            self._extend(place)
 
     def estimate(self, time: int, x: Array) -> None:
         """Take a state (n,) that was estimated, at a time in nanoseconds."""
@@ -103,7 +103,7 @@ class MarkerDrawing:
         elif isinstance(sensor, Radar):
             self._add_reading(name, y[0] * np.array([np.cos(y[1]), np.sin(y[1])]))
         elif {*self._names} <= {*sensor.output.names}:
-            indices = [sensor.output.names.index(each) for each in self._names]
+            indices = [sensor.output.names.index(coordinate) for coordinate in self._names]
             self._add_reading(name, y[indices])
 
     def draw(self) -> Any:
@@ -117,28 +117,28 @@ class MarkerDrawing:
             self._tracks['ground truth'].append(self._point_at(self._place(self._truth)))
         size = max(_SHARE * float((self._high - self._low).max()), _LEAST)
         kind = self._marker
-        found = [self._pose('estimate', self._state, 4.0 * size, _ESTIMATE)]
+        markers = [self._pose('estimate', self._state, 4.0 * size, _ESTIMATE)]
         if self._truth is not None:
-            found.append(self._pose('ground truth', self._truth, 4.0 * size, _TRUTH))
+            markers.append(self._pose('ground truth', self._truth, 4.0 * size, _TRUTH))
         for name, color in (('estimate', _ESTIMATE), ('ground truth', _TRUTH)):
             track = self._tracks[name]
             if len(track) > 1:
-                found.append(self._new(f'track of {name}', kind.LINE_STRIP, 0.3 * size, color))
-                found[-1].points = [*track]
+                markers.append(self._new(f'track of {name}', kind.LINE_STRIP, 0.3 * size, color))
+                markers[-1].points = [*track]
         if self._covariance is not None:
-            found.append(self._ellipse(place, self._covariance, size))
+            markers.append(self._ellipse(place, self._covariance, size))
         for name, readings in self._readings.items():
             if readings:
-                found.append(self._new(f'readings of {name}', kind.SPHERE_LIST, size, _READING))
-                found[-1].points = [*readings]
+                markers.append(self._new(f'readings of {name}', kind.SPHERE_LIST, size, _READING))
+                markers[-1].points = [*readings]
         for name, angle in self._bearings.items():
-            found.append(self._new(f'bearing of {name}', kind.LINE_LIST, 0.3 * size, _READING))
-            found[-1].points = self._line(name, angle, place)
+            markers.append(self._new(f'bearing of {name}', kind.LINE_LIST, 0.3 * size, _READING))
+            markers[-1].points = self._line(name, angle, place)
         places = self._places()
         if places:
-            found.append(self._new('sensors', kind.CUBE_LIST, 1.5 * size, _SENSOR))
-            found[-1].points = [self._point_at(each) for each in places]
-        return self.message_type(markers=found)
+            markers.append(self._new('sensors', kind.CUBE_LIST, 1.5 * size, _SENSOR))
+            markers[-1].points = [self._point_at(position) for position in places]
+        return self.message_type(markers=markers)
 
     def _place(self, x: Array) -> Array:
         """Return the position (3,) of a state."""

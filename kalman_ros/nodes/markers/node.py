@@ -82,9 +82,9 @@ class MarkersNode(runtime.ScenarioNode):
 
     def _draw(self) -> None:
         self.look()
-        found = self._drawing.draw() if self._subscriptions_to_loop else None
-        if found is not None:
-            self._publisher.publish(found)
+        markers = self._drawing.draw() if self._subscriptions_to_loop else None
+        if markers is not None:
+            self._publisher.publish(markers)
 
     def prepare(
         self, scenario: Scenario, options: MarkersOptions, extra: Mapping[str, Value]

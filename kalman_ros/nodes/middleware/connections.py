@@ -65,27 +65,27 @@ class Connections:
             return
         self._counted = now
         subscriptions, publishers = [*self._subscriptions()], [*self._node.publishers]
-        counts = [self._count(own.topic_name) for own in (*subscriptions, *publishers)]
+        counts = [self._count(endpoint.topic_name) for endpoint in (*subscriptions, *publishers)]
         if counts == self._counts and not self._since and now - self._looked < _LATER:
             return
         self._counts, self._looked, self._found = counts, now, []
         self._left = [
-            partial(self._of_subscription, own.topic_name, own in self._awaited)
-            for own in subscriptions
+            partial(self._of_subscription, subscription.topic_name, subscription in self._awaited)
+            for subscription in subscriptions
         ]
         self._left += [
-            partial(self._of_publisher, own.topic_name)
-            for own in publishers
-            if own.topic_name not in _ROS_OWN
+            partial(self._of_publisher, publisher.topic_name)
+            for publisher in publishers
+            if publisher.topic_name not in _ROS_OWN
         ]
 
     def _conclude(self) -> None:
         now = monotonic()
-        self._since = {found: self._since.get(found, now) for found in self._found}
-        lasting = [found for found, since in self._since.items() if now - since > PATIENCE]
-        for found in lasting:
-            if found not in self.problems:
-                self._node.get_logger().warning(found)
+        self._since = {problem: self._since.get(problem, now) for problem in self._found}
+        lasting = [problem for problem, since in self._since.items() if now - since > PATIENCE]
+        for problem in lasting:
+            if problem not in self.problems:
+                self._node.get_logger().warning(problem)
         self.problems = lasting
 
     def _count(self, topic: str) -> tuple[str, int, int]:
@@ -137,13 +137,13 @@ def other_publishers(node: Any, topic: str) -> list[str]:
 
 
 def _others(node: Any, endpoints: Iterable[Any]) -> list[str]:
-    return sorted({_name(each) for each in endpoints} - {node.get_fully_qualified_name()})
+    return sorted({_name(endpoint) for endpoint in endpoints} - {node.get_fully_qualified_name()})
 
 
-def _mismatch(own: Any, other: Any, offered: QoSProfile, wanted: QoSProfile) -> str:
-    """Return why ``own`` and ``other``, an endpoint of another node, cannot connect; or ''."""
-    if other.topic_type != own.topic_type:
-        return f'{_short(other.topic_type)}, expected {_short(own.topic_type)}'
+def _mismatch(endpoint: Any, other: Any, offered: QoSProfile, wanted: QoSProfile) -> str:
+    """Return why ``endpoint`` and ``other``, one of another node, cannot connect; or ''."""
+    if other.topic_type != endpoint.topic_type:
+        return f'{_short(other.topic_type)}, expected {_short(endpoint.topic_type)}'
     compatibility, reason = qos_check_compatible(offered, wanted)
     if compatibility == QoSCompatibility.ERROR:
         return f'with another quality of service: {reason.removeprefix("ERROR: ").rstrip(";. ")}'

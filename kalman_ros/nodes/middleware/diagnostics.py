@@ -69,12 +69,12 @@ class Diagnostics:
             self.publish()
 
     def _count_connections(self) -> dict[str, int]:
-        found = {}
+        counts = {}
         for publisher in self._node.publishers:
-            found[f'{SUBSCRIBERS}{publisher.topic_name}'] = publisher.get_subscription_count()
+            counts[f'{SUBSCRIBERS}{publisher.topic_name}'] = publisher.get_subscription_count()
         for subscription in (*self._node.subscriptions, *self._node.watched):
-            found[f'{PUBLISHERS}{subscription.topic_name}'] = subscription.get_publisher_count()
-        return {key: count for key, count in found.items() if not key.endswith(_EXCLUDED)}
+            counts[f'{PUBLISHERS}{subscription.topic_name}'] = subscription.get_publisher_count()
+        return {key: count for key, count in counts.items() if not key.endswith(_EXCLUDED)}
 
     def soon(self) -> None:
         """Publish at the next check, once, however often this is called before."""

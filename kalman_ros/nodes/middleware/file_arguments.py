@@ -38,12 +38,12 @@ def readable(arguments: Sequence[str]) -> Iterator[list[str]]:
     ValueError
         If a file is larger than any parameter file: parsing it would take minutes.
     """
-    found = [_EMPTY.sub(":=['']", argument) for argument in arguments]
+    words = [_EMPTY.sub(":=['']", argument) for argument in arguments]
     with PrivateFolder() as folder:
-        for index, argument in enumerate(found[:-1]):
+        for index, argument in enumerate(words[:-1]):
             if argument == _FILE:
-                found[index + 1] = _copied(Path(found[index + 1]), folder / f'{index}.yaml')
-        yield found
+                words[index + 1] = _copied(Path(words[index + 1]), folder / f'{index}.yaml')
+        yield words
 
 
 def overruled(arguments: Sequence[str], values: Mapping[str, Value]) -> list[str]:
@@ -65,8 +65,8 @@ def overruled(arguments: Sequence[str], values: Mapping[str, Value]) -> list[str
 def _same(typed: Any, value: Any) -> bool:
     """Return whether a value is the one that was typed; without a type, an empty list is ['']."""
     if isinstance(typed, list):
-        found = [each for each in value if each != ''] if isinstance(value, Iterable) else [value]
-        return len(typed) == len(found) and all(map(_same, typed, found))
+        items = [item for item in value if item != ''] if isinstance(value, Iterable) else [value]
+        return len(typed) == len(items) and all(map(_same, typed, items))
     return bool(typed == value or (typed != typed and value != value))
 
 

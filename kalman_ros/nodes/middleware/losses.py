@@ -46,8 +46,8 @@ class Losses:
         if number - 1 in self._last:  # nothing is missing: almost always, and quick
             self._last[self._last.index(number - 1)] = number
             return
-        last = max((each for each in self._last if each < number), default=0)
-        gap = max((each for each in self._gaps if each[0] < number < each[1]), default=(0, 0))
+        last = max((earlier for earlier in self._last if earlier < number), default=0)
+        gap = max((pair for pair in self._gaps if pair[0] < number < pair[1]), default=(0, 0))
         if gap[0] > last:
             self._close(gap)
             self._follow(gap[0], number)

@@ -57,5 +57,5 @@ class Latency:
         """Return the 50th, 90th and 99th percentile in ms; '' before the first."""
         if not self._seconds:
             return ''
-        found = 1e3 * np.percentile(self._seconds, (50, 90, 99))
-        return ' / '.join(f'{value:.3g}' for value in found)
+        percentiles = 1e3 * np.percentile(self._seconds, (50, 90, 99))
+        return ' / '.join(f'{value:.3g}' for value in percentiles)

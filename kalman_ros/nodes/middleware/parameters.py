@@ -136,7 +136,7 @@ class CodeNames:
         self._accepted.update(values)
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
-        for name, value in ((found.name, found.value) for found in parameters):
+        for name, value in ((parameter.name, parameter.value) for parameter in parameters):
             if names_code(name) and value != self._accepted.get(name):
                 why = 'names code, which counts only from the start-up parameters'
                 return SetParametersResult(successful=False, reason=f'{name}: it {why}')
@@ -175,14 +175,16 @@ def set_together(node: Any, request: Any, response: Any) -> Any:
     wanted = [Parameter.from_parameter_msg(message) for message in request.parameters]
     times = Counter(parameter.name for parameter in wanted)
     refusals = {
-        each.name: f'{each.name}: expected once, got {times[each.name]} times'
-        if times[each.name] > 1
-        else node.parameter_error(as_declared(node, each))
-        for each in wanted
+        parameter.name: f'{parameter.name}: expected once, got {times[parameter.name]} times'
+        if times[parameter.name] > 1
+        else node.parameter_error(as_declared(node, parameter))
+        for parameter in wanted
     }
-    result = node.set_parameters_atomically([each for each in wanted if not refusals[each.name]])
-    for each in wanted:
-        why = refusals[each.name]
+    result = node.set_parameters_atomically(
+        [parameter for parameter in wanted if not refusals[parameter.name]]
+    )
+    for parameter in wanted:
+        why = refusals[parameter.name]
         refused = SetParametersResult(successful=False, reason=why)
         response.results.append(refused if why else result)
     return response

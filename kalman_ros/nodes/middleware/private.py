@@ -27,10 +27,10 @@ def log_for_callers_of(path: str) -> None:
 
 def take(subscription: Any) -> tuple[bytes, dict[str, Any]] | None:
     """Return the next waiting message as bytes, with its numbers and times; None without one."""
-    found: tuple[bytes, dict[str, Any]] | None = subscription.handle.take_message(
+    message: tuple[bytes, dict[str, Any]] | None = subscription.handle.take_message(
         subscription.msg_type, True
     )
-    return found
+    return message
 
 
 def call_with_numbers(

@@ -67,9 +67,9 @@ def _remove_leftovers() -> None:
 
 
 def _remove(path: Path) -> None:
-    found = path.lstat()
-    old = time.time() - found.st_mtime > _YOUNG
-    if not (stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and old):
+    status = path.lstat()
+    old = time.time() - status.st_mtime > _YOUNG
+    if not (stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid() and old):
         return
     lock = _locked(path)
     if lock is not None:

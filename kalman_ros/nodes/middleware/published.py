@@ -36,12 +36,12 @@ class PublishedCounts:
 
     def __call__(self) -> dict[str, int]:
         """Return the count of each topic that the node publishes on."""
-        found: dict[str, int] = {}
+        counts: dict[str, int] = {}
         for publisher in self._node.publishers:
             name, count = publisher.topic_name, getattr(publisher, 'published', None)
             if count is not None:
-                found[name] = found.get(name, 0) + count
-        return found
+                counts[name] = counts.get(name, 0) + count
+        return counts
 
     def _answer(self, _: Any, response: Any) -> Any:
         response.success, response.message = True, json.dumps(self())

@@ -110,9 +110,9 @@ class ScenarioNode(WatcherNode, ManagedNode):
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Go from inactive to active."""
-        found = super().on_activate(state)
+        outcome = super().on_activate(state)
         self._prioritize()
-        return found
+        return outcome
 
     def accompany(self) -> None:
         """Create the bond with a manager, which there is if the node does not start alone."""
@@ -136,14 +136,18 @@ class ScenarioNode(WatcherNode, ManagedNode):
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Set parameters, all or none; the current value is accepted, also for read-only ones."""
         wanted = [parameters.as_declared(self, parameter) for parameter in parameter_list]
-        changed = [each for each in wanted if not parameters.is_kept(self, each)]
+        changed = [parameter for parameter in wanted if not parameters.is_kept(self, parameter)]
         if wanted and not changed:
             return SetParametersResult(successful=True)
-        is_shaping = any(each.name in parameters.SHAPING for each in changed)
+        is_shaping = any(parameter.name in parameters.SHAPING for parameter in changed)
         if self._live is not None and self.phase != UNCONFIGURED and is_shaping:
-            new = {each.name: each.value for each in changed if not self.has_parameter(each.name)}
+            new = {
+                parameter.name: parameter.value
+                for parameter in changed
+                if not self.has_parameter(parameter.name)
+            }
             self._live.follow(new)
-            changed = [each for each in changed if each.name not in new]
+            changed = [parameter for parameter in changed if parameter.name not in new]
         try:
             return super().set_parameters_atomically(changed)
         finally:

@@ -42,9 +42,9 @@ def usage(node: Any) -> str:
         for key, same in entries.items():
             descriptors = node.describe_parameters(list(same))
             mark = '' if descriptors[0].read_only else '*'
-            meanings = dict.fromkeys(each.description for each in descriptors)
+            meanings = dict.fromkeys(descriptor.description for descriptor in descriptors)
             if key.startswith('SIGNAL.'):  # the state and the input
-                meanings = dict.fromkeys(each.rpartition(' of the ')[0] for each in meanings)
+                meanings = dict.fromkeys(meaning.rpartition(' of the ')[0] for meaning in meanings)
             meaning = '; '.join(meanings)
             lines.append(_entry(f'{key}{mark}: {_merged(same)}', meaning))
     if unused:
@@ -95,7 +95,7 @@ def _groups(values: Mapping[str, Any]) -> dict[str, dict[str, dict[str, str]]]:
     Parameters that all sensors, or state and input, have in common are listed once.
     """
     sensors = _sensors(values)
-    model, listed, topics, own = ({}, {}, {}, {})  # type: ignore[var-annotated]
+    model, listed, topics, others = ({}, {}, {}, {})  # type: ignore[var-annotated]
     for name, value in values.items():
         section, _, key = name.partition('.')
         if section in ('model', 'model_parameters'):
@@ -105,15 +105,15 @@ def _groups(values: Mapping[str, Any]) -> dict[str, dict[str, dict[str, str]]]:
         elif section in _SIGNALS and key:
             group, title = topics, f'SIGNAL.{key}'
         else:
-            group, title = own, name
+            group, title = others, name
         group.setdefault(title, {})[name] = _text(value)
-    found = {
+    groups = {
         'The model': model,
         f'The sensors, {" and ".join(sensors)}': listed,
         'Signals, state and input': topics,
-        'The node': own,
+        'The node': others,
     }
-    return {title: names for title, names in found.items() if names}
+    return {title: names for title, names in groups.items() if names}
 
 
 def _merged(values: Mapping[str, str]) -> str:

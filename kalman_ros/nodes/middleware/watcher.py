@@ -47,10 +47,10 @@ def waiting_with_times(subscription: Any) -> list[tuple[bytes, tuple[int, int]]]
     size = 0
     # at most the depth of its queue, since more may arrive meanwhile, without end
     for _ in range(subscription.qos_profile.depth):
-        found = private.take(subscription)
-        if found is None:
+        message = private.take(subscription)
+        if message is None:
             break
-        data, info = found
+        data, info = message
         subscription.losses.numbered(info['publication_sequence_number'])
         received = subscription.received(info['received_timestamp'])
         come.append((data, (received, info['source_timestamp'])))
@@ -105,16 +105,16 @@ class WatcherNode(Node):  # type: ignore[misc]
         """
         take = callback if raw else partial(_decoded, callback, kind)
         # rclpy itself would decode where its exceptions cannot be caught
-        found = super().create_subscription(kind, topic, take, queue, raw=True, **options)
-        found.losses, found.received = Losses(found), ReceptionTimes()
-        found.pass_on = partial(self.intake, found.topic_name, take)
+        subscription = super().create_subscription(kind, topic, take, queue, raw=True, **options)
+        subscription.losses, subscription.received = Losses(subscription), ReceptionTimes()
+        subscription.pass_on = partial(self.intake, subscription.topic_name, take)
 
         def on_message(data: bytes, info: Mapping[str, Any]) -> None:
-            found.losses.numbered(info['publication_sequence_number'])
-            found.pass_on(data)
+            subscription.losses.numbered(info['publication_sequence_number'])
+            subscription.pass_on(data)
 
-        private.call_with_numbers(found, on_message)
-        return found
+        private.call_with_numbers(subscription, on_message)
+        return subscription
 
     def subscribe_in_batches(
         self, kind: Any, topic: str, callback: Callable[[bytes], None], queue: Any
@@ -123,36 +123,40 @@ class WatcherNode(Node):  # type: ignore[misc]
 
         The callback passes them through the intake itself.
         """
-        found = self.create_subscription(kind, topic, callback, queue, raw=True)
-        found.pass_on = callback
-        return found
+        subscription = self.create_subscription(kind, topic, callback, queue, raw=True)
+        subscription.pass_on = callback
+        return subscription
 
     def account(self) -> dict[str, Any]:
         """Return the counts of messages that did not reach a callback, by reason and topic."""
         account = self.intake.report()
-        for found in (*self.subscriptions, *self.watched):
-            if found.losses.count:
-                key = f'lost by the middleware: {found.topic_name}'
-                account[key] = account.get(key, 0) + found.losses.count
+        for subscription in (*self.subscriptions, *self.watched):
+            if subscription.losses.count:
+                key = f'lost by the middleware: {subscription.topic_name}'
+                account[key] = account.get(key, 0) + subscription.losses.count
         return account
 
     @property
     def subscriptions(self) -> Iterator[Any]:
         """The subscriptions for which the executor wakes."""
-        return (found for found in super().subscriptions if found not in self.watched)
+        return (
+            subscription
+            for subscription in super().subscriptions
+            if subscription not in self.watched
+        )
 
     def watch(
         self, kind: Any, topic: str, take: Callable[[bytes], None], queue: QoSProfile
     ) -> Any:
         """Subscribe to the serialised messages of a topic, read by `look`."""
-        found = self.create_subscription(kind, topic, take, queue, raw=True)
-        self.watched = (*self.watched, found)
-        return found
+        subscription = self.create_subscription(kind, topic, take, queue, raw=True)
+        self.watched = (*self.watched, subscription)
+        return subscription
 
     def destroy_subscription(self, subscription: Any) -> bool:
         """Destroy a subscription, watched or not."""
         subscription.losses.close()
-        self.watched = tuple(found for found in self.watched if found is not subscription)
+        self.watched = tuple(other for other in self.watched if other is not subscription)
         return bool(super().destroy_subscription(subscription))
 
     def look(self) -> None:

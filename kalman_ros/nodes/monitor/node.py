@@ -99,8 +99,8 @@ class MonitorNode(runtime.ScenarioNode):
         n, P = sample.values.size, sample.covariance
         time, x = sample.time or 0, sample.values
         if self._whole.get_publisher_count():
-            own = np.zeros((n, n)) if P is None else P
-            self._compare(self._pairing.estimate(time, Gaussian(x, own)))
+            covariance = np.zeros((n, n)) if P is None else P
+            self._compare(self._pairing.estimate(time, Gaussian(x, covariance)))
             return
         self._compare((time, Gaussian(x, np.full((n, n), np.nan) if P is None else P)))
 

@@ -42,7 +42,7 @@ class Pairing:
         return time, Gaussian(belief.mean, whole)
 
 
-def _agree(own: Array, whole: Array) -> bool:
-    """Return whether ``whole`` equals the nonzero part of ``own``."""
-    part = own != 0.0
-    return np.array_equal(own[part], whole[part])
+def _agree(covariance: Array, whole: Array) -> bool:
+    """Return whether ``whole`` equals the nonzero part of ``covariance``."""
+    part = covariance != 0.0
+    return np.array_equal(covariance[part], whole[part])

@@ -82,7 +82,9 @@ class PlantNode(runtime.ScenarioNode):
         """Return whether an input that responds to the readings would be received."""
         # simulated time waits for nobody
         begun = not self._rests or self.get_clock().ros_time_is_active
-        return begun or any(found.get_publisher_count() for found in self._answers.values())
+        return begun or any(
+            subscription.get_publisher_count() for subscription in self._answers.values()
+        )
 
     @property
     def may_begin(self) -> bool:
@@ -93,16 +95,18 @@ class PlantNode(runtime.ScenarioNode):
         """Subscribe to the inputs; return the subscriptions that answer each step."""
         input, state = self.scenario.input, self.scenario.state
         subscribe = self.create_subscription
-        found = {}
+        subscriptions = {}
         if input.fields:
             kind = self._input.message_type
             subscribe(kind, 'disturbance', self._input.disturb, QUEUE, raw=True)
-            found['input'] = subscribe(kind, input.topic, self._on_force, QUEUE, raw=True)
-            self.diagnostics.connections.expect(found['input'])
+            subscriptions['input'] = subscribe(kind, input.topic, self._on_force, QUEUE, raw=True)
+            self.diagnostics.connections.expect(subscriptions['input'])
         if not input.fields or self.options.wait_for_estimate:
             kind = message_type(state.type)
-            found['state'] = subscribe(kind, state.topic, self._on_estimate, QUEUE, raw=True)
-        return found
+            subscriptions['state'] = subscribe(
+                kind, state.topic, self._on_estimate, QUEUE, raw=True
+            )
+        return subscriptions
 
     def _build_pacer(self, options: PlantOptions) -> Lockstep | RealTime:
         if not options.lockstep:

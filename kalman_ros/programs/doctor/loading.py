@@ -66,8 +66,8 @@ def load(
 
 def failed_checks(evidence: Evidence) -> list[Check]:
     """Return the checks of its replay that `replayed` evidence fails."""
-    found: Any = evidence
-    return [check for check in checks(found, None) if not check.passed]
+    run: Any = evidence
+    return [check for check in checks(run, None) if not check.passed]
 
 
 def replayed(
@@ -83,7 +83,7 @@ def replayed(
     sensors: dict[str, SensorRecord] = dict(result.sensors)
     signals = {name: source.signal for name, source in result.scenario.sensors.items()}
     signals['input'] = result.scenario.input
-    headerless = frozenset(name for name, each in signals.items() if not has_header(each.type))
+    headerless = frozenset(name for name, signal in signals.items() if not has_header(signal.type))
     forces = dict(_forces(bag, result.scenario, start))
     return Evidence(
         parameters, result.scenario, sensors, result.inputs, result.beliefs, again, headerless,
@@ -103,6 +103,6 @@ def _forces(bag: Bag, scenario: Scenario, start: float) -> Iterator[tuple[str, A
             with suppress(UndecodableError):
                 force = decode(message.data, message_type(_IMU)).linear_acceleration
                 read.append((force.x, force.y, force.z))
-        finite = [each for each in read if np.isfinite(each).all()]
+        finite = [reading for reading in read if np.isfinite(reading).all()]
         if finite:
             yield name, np.median(finite, axis=0)

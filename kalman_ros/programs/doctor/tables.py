@@ -33,12 +33,12 @@ def findings_table(diagnosis: Diagnosis) -> Table:
 
 def first_sight(diagnosis: Diagnosis, begin: float, end: float) -> str:
     """Return what a part of a recording shows, from ``begin`` to ``end`` (s), as a sentence."""
-    found = [
+    findings = [
         f'{finding.kind} of {finding.subject}'
         + (f' ({100.0 * finding.certainty:.0f} %)' if finding.gain > 0.0 else '')
         for finding in diagnosis.findings[:_FIRST]
     ]
-    said = ', '.join(found) or 'nothing is wrong'
+    said = ', '.join(findings) or 'nothing is wrong'
     return f'At first sight, from t = {begin:.3g} to {end:.3g} s: {said}.'
 
 

@@ -148,10 +148,10 @@ def _leave_out(translation: Translation, why: str) -> bool:
     if named == 'child_frame' and 'base_link_frame' not in translation.node.values:
         named = 'frame'
     for ours, theirs in _SOURCES.items():
-        found = [name for name in values if name == named or name.startswith(f'{ours}.')]
-        if not (named == ours or named.startswith(f'{ours}.')) or not found:
+        names = [name for name in values if name == named or name.startswith(f'{ours}.')]
+        if not (named == ours or named.startswith(f'{ours}.')) or not names:
             continue
-        for name in found if named == ours else [named]:
+        for name in names if named == ours else [named]:
             before = values.pop(name, None)
             if name == 'initial_estimate' and any(before):
                 values[name] = [0.0] * len(before)
@@ -236,7 +236,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 def _recorded_output(translation: Translation, recorded: Container[str]) -> str:
     """Return the topic of the old filter's odometry in a recording; '' if it has none."""
     usual = translation.remaps.get(translation.odometry, ODOMETRY)
-    return next((f'/{each}' for each in (usual, ODOMETRY) if f'/{each}' in recorded), '')
+    return next((f'/{topic}' for topic in (usual, ODOMETRY) if f'/{topic}' in recorded), '')
 
 
 def compared(file: Path, options: argparse.Namespace, against: str) -> int:

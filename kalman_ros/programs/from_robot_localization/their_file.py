@@ -157,7 +157,7 @@ def their_nodes(path: Path) -> list[TheirNode]:
     for node in nodes:
         given, node.name = node.name, in_ros(node.name or path.stem)
         if given and given != node.name:
-            line = min((each.line for each in node.values.values()), default=1)
+            line = min((value.line for value in node.values.values()), default=1)
             words = f"node {node.name}: '{given}' is no name in ROS 2"
             node.rows.append(Row(max(1, line - 1), given, False, words))
         node.namespace = '/'.join(map(in_ros, filter(None, node.namespace.split('/'))))
@@ -188,10 +188,10 @@ def _split(node: TheirNode) -> TheirNode:
     The filter has them no longer.
     """
     given, node.values = node.values, {}
-    found = TheirNode(_NAVSAT_NODE, node.namespace, {})
+    converter = TheirNode(_NAVSAT_NODE, node.namespace, {})
     for name, value in given.items():
-        (found if name in _NAVSAT else node).values[name] = value
-    return found
+        (converter if name in _NAVSAT else node).values[name] = value
+    return converter
 
 
 def in_ros(part: str) -> str:
@@ -200,12 +200,12 @@ def in_ros(part: str) -> str:
     return f'_{mended}' if mended[0].isdigit() else mended
 
 
-def _merged(shared: Mapping[str, Lined], own: Mapping[str, Lined]) -> dict[str, Lined]:
+def _merged(shared: Mapping[str, Lined], specific: Mapping[str, Lined]) -> dict[str, Lined]:
     """Return the values for a node, of which the last in the file counts, as in ROS."""
-    found = {**shared, **own}
-    for name in shared.keys() & own.keys():
-        found[name] = max(shared[name], own[name], key=lambda each: each.line)
-    return found
+    merged = {**shared, **specific}
+    for name in shared.keys() & specific.keys():
+        merged[name] = max(shared[name], specific[name], key=lambda value: value.line)
+    return merged
 
 
 def _nodes(values: Mapping[str, Lined], parts: Sequence[str], stem: str) -> Iterator[TheirNode]:

@@ -60,7 +60,7 @@ def noise_and_first_belief(
         used = [sensor for sensor in sensors.values() if sensor.get('pose') != 'differential']
         read = ' '.join(field for sensor in used for field in sensor['fields'])
         place = _UNKNOWN if 'position' in read or 'east' in read else _KNOWN
-        if any('pose' not in each and 'position' in str(each['fields']) for each in used):
+        if any('pose' not in sensor and 'position' in str(sensor['fields']) for sensor in used):
             place = _ANYWHERE
         known = place, _UNKNOWN if 'orientation' in read else _KNOWN, _UNKNOWN
         std = np.repeat(known, (3, 3, 9))

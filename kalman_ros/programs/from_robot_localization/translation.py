@@ -132,7 +132,9 @@ def _translated(nodes: Sequence[TheirNode]) -> list[Translation]:
     for node in nodes:
         if not node.filters:
             read = any(
-                name.endswith('_fix.topic') for each in translations for name in each.values
+                name.endswith('_fix.topic')
+                for translation in translations
+                for name in translation.values
             )
             outcome = 'unknown to this program' if node.navigates and read else _UNREAD
             for name in node.unaccounted:
@@ -151,7 +153,7 @@ def _name_topics(filters: Sequence[Translation]) -> None:
         (alone,) = filters
         alone.remaps[alone.odometry] = ODOMETRY
         return
-    kinds = [_is_global(each.node) for each in filters]
+    kinds = [_is_global(translation.node) for translation in filters]
     if sorted(kinds) != [False, True]:
         return
     other, local = filters[kinds.index(True)], filters[kinds.index(False)]
@@ -241,7 +243,7 @@ def _frames(node: TheirNode, parameters: dict[str, Any]) -> None:
     base, odom = node.value('base_link_frame', 'base_link'), node.value('odom_frame', 'odom')
     world = node.value('world_frame', odom)
     parameters.update(frame=world.lstrip('/'), child_frame=base.lstrip('/'))
-    known = {each.lstrip('/') for each in (odom, node.value('map_frame', 'map'), base, '')}
+    known = {frame.lstrip('/') for frame in (odom, node.value('map_frame', 'map'), base, '')}
     nowhere = world.lstrip('/') not in known
     parameters['publish_tf'] = node.value('publish_tf', True) and not nowhere
     if nowhere:

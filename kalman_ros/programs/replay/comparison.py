@@ -77,9 +77,9 @@ def _apart(path: PosePath, reference: PosePath) -> Separation | None:
     return separation(path, reference, align=len(frames) > 1)
 
 
-def sheet(found: Comparison) -> tuple[str, Sheet]:
+def sheet(pair: Comparison) -> tuple[str, Sheet]:
     """Return the title and the table: a row for each pair, lengths in m and angles in deg."""
-    rows = _rows(found)
+    rows = _rows(pair)
     if not rows:
         return '', Sheet([], [])
     lengths = sorted({part.length for row in rows.values() for part in row.relative})
@@ -90,24 +90,27 @@ def sheet(found: Comparison) -> tuple[str, Sheet]:
         ('heading', [_cell(degrees(row.heading)) for row in rows.values()]),
     ]
     for length in lengths:
-        each = [part.get(length) for part in parts]
+        relative = [part.get(length) for part in parts]
         columns.append(
-            (f'in {length:g} m', ['' if part is None else _cell(part.position) for part in each])
+            (
+                f'in {length:g} m',
+                ['' if part is None else _cell(part.position) for part in relative],
+            )
         )
-        turned = ['' if part is None else _cell(degrees(part.rotation)) for part in each]
+        turned = ['' if part is None else _cell(degrees(part.rotation)) for part in relative]
         columns.append((f'{length:g} m turned', turned))
     columns.append(('NEES', [_cell(row.nees) for row in rows.values()]))
     return 'Poses beside others: RMS in m, headings in deg', Sheet(list(rows), columns)
 
 
-def _rows(found: Comparison) -> dict[str, Separation]:
+def _rows(pair: Comparison) -> dict[str, Separation]:
     """Return what is compared, by its name; aligned paths are moved and turned to the other."""
     rows = {}
-    for name, error in found.errors.items():
+    for name, error in pair.errors.items():
         rows[f'{name} - truth{", aligned" if error.aligned else ""}'] = error
-    for each in (found.apart, found.aligned):
-        if each is not None:
-            rows[f'estimate - {found.topic}{", aligned" if each.aligned else ""}'] = each
+    for row in (pair.apart, pair.aligned):
+        if row is not None:
+            rows[f'estimate - {pair.topic}{", aligned" if row.aligned else ""}'] = row
     return rows
 
 
@@ -120,27 +123,27 @@ def _cell(value: float) -> str:
     return '' if value != value else f'{value:.3g}'
 
 
-def sentences(run: Replayed, found: Comparison) -> Iterator[str]:
+def sentences(run: Replayed, pair: Comparison) -> Iterator[str]:
     """Yield where two estimates part most and what happens there, and what is not compared."""
     ours = run.poses()
-    few = ', which takes two poses' if len(found.other.time) < 2 else ''
+    few = ', which takes two poses' if len(pair.other.time) < 2 else ''
     if ours is None:
-        other = found.topic or 'the truth'
+        other = pair.topic or 'the truth'
         yield f'There are no estimates with a pose to compare with {other}.'
         return
-    if found.apart is not None:
-        yield _parting(run, found, found.apart, ours)
+    if pair.apart is not None:
+        yield _parting(run, pair, pair.apart, ours)
     elif run.against is not None:
-        yield f'There is no time at which the estimate and {found.topic} are both known{few}.'
+        yield f'There is no time at which the estimate and {pair.topic} are both known{few}.'
     if run.reference() is not None:
         named = {'estimate': 'the estimate'}
         if run.against is not None:
-            named[found.topic] = found.topic
+            named[pair.topic] = pair.topic
         for key, name in named.items():
-            if key not in found.errors:
+            if key not in pair.errors:
                 yield f'There is no time at which {name} and the truth are both known.'
-    read = {found.topic: found.other}
-    if run.true_poses is not None and run.true_poses is not found.other:
+    read = {pair.topic: pair.other}
+    if run.true_poses is not None and run.true_poses is not pair.other:
         read['the truth'] = run.true_poses
     for name, path in read.items():
         if path.skipped:
@@ -150,7 +153,7 @@ def sentences(run: Replayed, found: Comparison) -> Iterator[str]:
             )
 
 
-def _parting(run: Replayed, found: Comparison, apart: Separation, ours: PosePath) -> str:
+def _parting(run: Replayed, pair: Comparison, apart: Separation, ours: PosePath) -> str:
     """Return where two estimates part most, and what happens there."""
     at = int(np.argmax(apart.distance))
     sigma = _deviation(ours, float(apart.time[at]))
@@ -159,7 +162,7 @@ def _parting(run: Replayed, found: Comparison, apart: Separation, ours: PosePath
     once = ', once the one is moved and turned to the other,' if apart.aligned else ''
     return (
         f'They part most{once} at {apart.time[at]:.4g} s, by {apart.distance[at]:.3g} m{sigmas}; '
-        f'they part fastest from {start:.4g} to {end:.4g} s: {_why(run, found, ours, start, end)}.'
+        f'they part fastest from {start:.4g} to {end:.4g} s: {_why(run, pair, ours, start, end)}.'
     )
 
 
@@ -181,19 +184,19 @@ def _growth(time: Array, distance: Array, last: int) -> tuple[float, float]:
     return float(time[starts[best]]), float(time[ends[best]])
 
 
-def _why(run: Replayed, found: Comparison, ours: PosePath, start: float, end: float) -> str:
+def _why(run: Replayed, pair: Comparison, ours: PosePath, start: float, end: float) -> str:
     """Return what is unusual in a window, the most telling first."""
-    apart = found.apart
+    apart = pair.apart
     assert apart is not None
     edges = np.interp((start, end), apart.time, apart.distance)
     grown = float(edges[1] - edges[0])
-    for name, path in ((found.topic, found.other), ('the estimate', ours)):
+    for name, path in ((pair.topic, pair.other), ('the estimate', ours)):
         jump = _jump(path, start, end)
         if jump > _PART * max(grown, 1e-9):
             return f'{name} jumps by {jump:.3g} m'
-    missing = _silence(found.other.time, start, end)
+    missing = _silence(pair.other.time, start, end)
     if missing > 0.0:
-        return f'{found.topic} has no poses for {missing:.3g} s'
+        return f'{pair.topic} has no poses for {missing:.3g} s'
     for name, sensor in run.sensors.items():
         inside = (sensor.stamp >= start) & (sensor.stamp <= end)
         refused = np.array(['REJECTED' in word or 'OUTVOTED' in word for word in sensor.outcome])
@@ -204,14 +207,14 @@ def _why(run: Replayed, found: Comparison, ours: PosePath, start: float, end: fl
         quiet = _silence(sensor.stamp, start, end)
         if quiet > 0.0:
             return f'{name} has no readings for {quiet:.3g} s'
-    both = [path.at(np.array([start, end])) for path in (ours, found.other)]
+    both = [path.at(np.array([start, end])) for path in (ours, pair.other)]
     if not apart.aligned:
         turned = so3.to_euler(so3.compose(-both[1].rotation, both[0].rotation))[0, 2]
         if abs(turned) > _TURNED:
             return f'their headings differ by {abs(degrees(turned)):.3g} deg'
-    ways = [_way(path, start, end) for path in (ours, found.other)]
+    ways = [_way(path, start, end) for path in (ours, pair.other)]
     if abs(ways[0] - ways[1]) > _FARTHER * max(ways):
-        return f'the estimate goes {ways[0]:.3g} m, {found.topic} {ways[1]:.3g} m'
+        return f'the estimate goes {ways[0]:.3g} m, {pair.topic} {ways[1]:.3g} m'
     return 'no reading is missing or rejected; they weigh the same readings differently'
 
 
@@ -245,9 +248,9 @@ def _way(path: PosePath, start: float, end: float) -> float:
     return float(steps.sum())
 
 
-def summary(found: Comparison) -> dict[str, Any]:
+def summary(pair: Comparison) -> dict[str, Any]:
     """Return the comparison for ``summary.json``."""
-    return {name: _json(row) for name, row in _rows(found).items()}
+    return {name: _json(row) for name, row in _rows(pair).items()}
 
 
 def _json(row: Separation) -> dict[str, Any]:
@@ -259,9 +262,9 @@ def _json(row: Separation) -> dict[str, Any]:
         'nees': plain(row.nees),
         'aligned': row.aligned,
         'relative': [
-            {'length': each.length, 'position': plain(each.position),
-             'rotation': plain(each.rotation), 'parts': each.count}
-            for each in row.relative
+            {'length': part.length, 'position': plain(part.position),
+             'rotation': plain(part.rotation), 'parts': part.count}
+            for part in row.relative
         ],
         'largest': plain(float(row.distance[at])) if len(row.distance) else plain(nan),
         'largest_at': plain(float(row.time[at])) if len(row.time) else plain(nan),

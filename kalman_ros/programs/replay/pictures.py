@@ -188,24 +188,24 @@ def plan_view(replayed: Replayed, path: Path) -> None:
         legend_below(figure, axis)
 
 
-def against(replayed: Replayed, found: Comparison, path: Path) -> None:
+def against(replayed: Replayed, pair: Comparison, path: Path) -> None:
     """Draw two estimates in the plane, and their distance in time."""
-    ours, other, truth = replayed.poses(), found.other, replayed.reference()
-    apart = found.apart
+    ours, other, truth = replayed.poses(), pair.other, replayed.reference()
+    apart = pair.apart
     assert ours is not None and apart is not None
     shown = ours.within(other)
     there = other.at(shown.time)
     if apart.aligned:
         shown = shown.aligned_with(there)
-    shows = f'Where the estimate and {found.topic} were, and how far apart.'
+    shows = f'Where the estimate and {pair.topic} were, and how far apart.'
     with figure_with(path, 1, 2, (11.0, 5.2), shows) as (figure, axes):
         left, right = axes[0]
-        for each, color, label in (
-            (truth, TRUTH, 'truth'), (other, READING, found.topic), (shown, ESTIMATE, 'estimate'),
+        for poses, color, label in (
+            (truth, TRUTH, 'truth'), (other, READING, pair.topic), (shown, ESTIMATE, 'estimate'),
         ):  # fmt: skip
-            if each is not None and len(each.time):
-                some = _every_kth(len(each.time))
-                place = each.position[some]
+            if poses is not None and len(poses.time):
+                some = _every_kth(len(poses.time))
+                place = poses.position[some]
                 left.plot(place[:, 0], place[:, 1], color=color, lw=1.0, label=label)
         left.set_aspect('equal', 'datalim')
         left.set_xlabel('x [m]')
@@ -221,5 +221,5 @@ def against(replayed: Replayed, found: Comparison, path: Path) -> None:
             )  # fmt: skip
         right.set_xlabel('time [s]')
         right.set_ylabel('distance [m]')
-        right.set_title(f'From {found.topic}')
+        right.set_title(f'From {pair.topic}')
         legend_below(figure, left, right)

@@ -130,7 +130,7 @@ def _draw(gains: Array, squares: Array, checks: Sequence[Check], path: Path) -> 
             label='by Riccati',
         )
         errors = [check for check in checks if check.name.startswith('RMS error')]
-        squared = [replace(each, low=each.low**2, high=each.high**2) for each in errors]
+        squared = [replace(check, low=check.low**2, high=check.high**2) for check in errors]
         allowed(variance, RATIOS, squared, ESTIMATE)
         variance.loglog(RATIOS, squares, 'o', color=ESTIMATE, label='measured, and allowed')
         variance.loglog(ratios, ratios * STEP.Q[0, 0], '--', color=READING, label='readings alone')

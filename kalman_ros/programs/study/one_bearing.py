@@ -106,8 +106,8 @@ def beliefs(run: Trajectory) -> list[Gaussian]:
     inputs has the parts, too.
     """
     built = build(system(['bearing']))
-    found = estimation(built)
-    online = OnlineEstimator(found.filter, found.sensors, found.initial, np.zeros(2), found.policy)
+    setup = estimation(built)
+    online = OnlineEstimator(setup.filter, setup.sensors, setup.initial, np.zeros(2), setup.policy)
     after = []
     for time, y, u in zip(run.time, run.readings['bearing'].values, run.input):
         stamp = round(time * 1e9)
@@ -176,14 +176,14 @@ def _draw(run: Trajectory, tracks: dict[str, Track], path: Path) -> None:
     from kalman_ros.report.mixture_parts import draw_part_ellipses
     from kalman_ros.report.style import ESTIMATE, INPUT, READING, TRUTH, figure_with
 
-    own, parts = _own_path(run), beliefs(run)
+    ship, parts = _own_path(run), beliefs(run)
     colours = {'one': ESTIMATE, 'two': INPUT}
     labels = {'one': 'one bearing', 'two': 'two bearings'}
     with figure_with(path, 1, 2, (9.0, 4.8), width_ratios=(0.55, 1.0)) as (_, ((map_, sigma),)):
-        map_.plot(*own.T / 1e3, color=READING, lw=2.0, label='own ship')
-        map_.plot(*(own + run.truth[:, :2]).T / 1e3, color=TRUTH, label='target')
+        map_.plot(*ship.T / 1e3, color=READING, lw=2.0, label='own ship')
+        map_.plot(*(ship + run.truth[:, :2]).T / 1e3, color=TRUTH, label='target')
         for step in (1, 45, 90, 115, 130, 150, 180):
-            here = own[step]
+            here = ship[step]
             angle = float(run.readings['bearing'].values[step, 0])
             reach = 1.6 * np.hypot(*run.truth[step, :2]) * np.array([np.cos(angle), np.sin(angle)])
             map_.plot(*np.stack((here, here + reach)).T / 1e3, color=READING, lw=0.6)

@@ -113,9 +113,9 @@ def _draw(checks: Sequence[Check], path: Path) -> None:
         noise.set_ylabel('RMS of the input (log)')
         noise.set_title('Noise at the input grows')
         for axis, label in ((gain, 'gain margin'), (noise, 'RMS of the input')):
-            found = [by_name[f'r = {r:g}: {label}'] for r in ASSUMED]
-            allowed(axis, ASSUMED, found, ORANGE)
-            values = [check.measured.real for check in found]
+            measured = [by_name[f'r = {r:g}: {label}'] for r in ASSUMED]
+            allowed(axis, ASSUMED, measured, ORANGE)
+            values = [check.measured.real for check in measured]
             axis.plot(ASSUMED, values, 'o', color=ORANGE, ms=6, label='measured, and allowed')
             axis.set_xscale('log')
             axis.set_yscale('log')

@@ -220,10 +220,10 @@ def _draw(cases: Mapping[str, WorstCases], checks: Sequence[Check], path: Path) 
             at = float(case.cost.point[1])
             costs = [_cost(loops, np.array([k, at])) for k in springs.tolist()]
             cost.plot(springs, costs, color=colours[name], label=name)
-            if (found := by_name.get(f'{name}: cost at its worst')) is not None:
+            if (check := by_name.get(f'{name}: cost at its worst')) is not None:
                 place = [float(case.cost.point[0])]
-                allowed(cost, place, [found], colours[name])
-                cost.plot(place, [found.measured.real], 'o', color=colours[name], ms=6)
+                allowed(cost, place, [check], colours[name])
+                cost.plot(place, [check.measured.real], 'o', color=colours[name], ms=6)
         low, high = BOX['spring'][1:]
         cost.axvspan(low, high, color=BOUND, alpha=0.12, lw=0)
         cost.set(

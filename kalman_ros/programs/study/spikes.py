@@ -103,8 +103,8 @@ def _largest(parted: tuple[Array, Array]) -> float:
 
 def _most(*groups: Mapping[str, tuple[Array, Array]]) -> float:
     """Return the largest distance before the first outlier, over all runs."""
-    each = [pair for group in groups for pair in group.values()]
-    return max(float(distance[time < QUIET - 0.5].max()) for time, distance in each)
+    pairs = [pair for group in groups for pair in group.values()]
+    return max(float(distance[time < QUIET - 0.5].max()) for time, distance in pairs)
 
 
 def _draw(
@@ -113,8 +113,8 @@ def _draw(
     from kalman_ros.report.style import BOUND, ESTIMATE, INPUT, READING, legend_below, picture
 
     with picture(path, 1, 2, (9.0, 3.6)) as (figure, (axes,)):
-        for axis, found in zip(axes, (spikes, rows)):
-            for colour, (name, (time, distance)) in zip((INPUT, READING, ESTIMATE), found.items()):
+        for axis, moved in zip(axes, (spikes, rows)):
+            for colour, (name, (time, distance)) in zip((INPUT, READING, ESTIMATE), moved.items()):
                 axis.plot(time, distance, color=colour, lw=1.1, label=name)
             axis.set_ylabel('estimate moved by [m]')
         axes[0].set_title(f'One fix in {EVERY:g} s is {OFF:g} m off')

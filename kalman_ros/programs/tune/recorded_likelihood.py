@@ -125,7 +125,7 @@ def _changing(named: NamedParameters, fit: Sequence[str], constant: Sequence[str
     for name in fit:
         if name in constant:
             raise ValueError(f'fit: {name}: {_about_constant(name)}')
-    chosen = [each.name for each in named.choose(list(fit) or named.usual)]
+    chosen = [parameter.name for parameter in named.choose(list(fit) or named.usual)]
     left = [name for name in chosen if name not in constant]
     if not left:
         raise ValueError(f'fit: {_about_constant(constant[0])}')
