@@ -11,7 +11,7 @@ import casadi
 import numpy as np
 
 from kalman_ros.core import Array, DiscreteModel, Dynamics, Model, Sensor, Space
-from kalman_ros.core.model import MOST_SUBSTEPS
+from kalman_ros.core.model import MOST_SUBSTEPS, numerical_jacobian
 
 from .free_parameters import Parameters
 from .symbols import by_ways
@@ -335,7 +335,7 @@ def _verify_model(original: Dynamics, found: Dynamics, near: int | None) -> None
     states, inputs = points_about(original)
     dt = original.period or 0.01
     for x, u in zip(states[:near], inputs):
-        _verify(original.linearized_step, found.linearized_step, x, u, dt)
+        _verify(partial(_linearized, original), found.linearized_step, x, u, dt)
     rest = original.equilibrium
     far, inputs = _far(rest.state), _far(rest.input)
     _verify(
@@ -344,13 +344,39 @@ def _verify_model(original: Dynamics, found: Dynamics, near: int | None) -> None
         far,
         inputs,
     )
-    some, short = slice(None, None, 2 if near else 1), original.period or _SHORT
+    some = slice(None, None, 2 if near else 1)
     for x, u in zip(far[some], inputs[some]):
-        _verify(
-            lambda x: (original.noise_density(x),),
-            lambda x, u=u: (found.noise_covariance(x, u, short) / short,),
-            x,
-        )
+        short = original.period or _short(original, x, u)
+        if short:
+            _verify(
+                lambda x: (original.noise_density(x),),
+                lambda x, u=u, short=short: (found.noise_covariance(x, u, short) / short,),
+                x,
+            )
+
+
+def _linearized(model: Any, x: Array, u: Array, dt: float) -> Iterable[Array]:
+    """Return a step, F and Q of a model; without a Jacobian, by differences over short ways.
+
+    Those of a step are over longer ones, which are wrong where a derivative changes quickly.
+    """
+    if model.is_discrete or model.analytic:
+        step: Iterable[Array] = model.linearized_step(x, u, dt)
+        return step
+    F = numerical_jacobian(
+        lambda points: model.step(points, u, dt), x, model.state.subtract, model.state
+    )
+    return model.step(x, u, dt), F, model.noise_covariance(x, u, dt)
+
+
+def _short(model: Any, x: Array, u: Array) -> float:
+    """Return a step in which nothing but the noise adds to Q; 0 where there is none."""
+    try:
+        with np.errstate(all='ignore'):
+            rate = float(np.abs(model.state_jacobian(x, u)).sum())
+    except Exception:  # a function of a user may fail where no state is
+        return 0.0
+    return _SHORT / max(1.0, rate) if np.isfinite(rate) else 0.0
 
 
 def _verify_sensor(original: Sensor, found: Sensor, state: Space, near: int | None) -> None:

@@ -250,7 +250,9 @@ class Symbols(np.ndarray[Any, Any]):
             return _WHOLE[function](*inputs, **options)
         if function.__module__ == 'numpy.linalg':
             inputs = (*map(_numbers, inputs),)
-        return super().__array_function__(function, (), inputs, options)
+        result = super().__array_function__(function, (), inputs, options)
+        plain = type(result) is np.ndarray and result.dtype == object
+        return result.view(Symbols) if plain else result
 
 
 def _method(function: np.ufunc) -> Callable[..., Any]:

@@ -68,7 +68,7 @@ def compose(a: Array, b: Array) -> Array:
 
 def rotate(r: Array, v: Array) -> Array:
     """Return vectors of the body (..., 3) in the axes of the world, Exp(r) v."""
-    return np.asarray((exp(r) @ v[..., np.newaxis])[..., 0])
+    return np.asanyarray((exp(r) @ v[..., np.newaxis])[..., 0])
 
 
 def rotate_back(r: Array, v: Array) -> Array:

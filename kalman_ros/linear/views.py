@@ -13,14 +13,14 @@ from .matrices import Array
 
 def coordinates(x: Array) -> Array:
     """Return the coordinates (n, ...) of vectors (..., n), each (...,), to be unpacked."""
-    return np.asarray(x.transpose(x.ndim - 1, *range(x.ndim - 1)))
+    return np.asanyarray(x.transpose(x.ndim - 1, *range(x.ndim - 1)))
 
 
 def coordinates_last(x: Array) -> Array:
     """Return the vectors (..., n) with coordinates (n, ...)."""
     if x.ndim == 1:
         return x
-    return np.asarray(x.transpose(*range(1, x.ndim), 0))
+    return np.asanyarray(x.transpose(*range(1, x.ndim), 0))
 
 
 def from_coordinates(*values: Array) -> Array:
@@ -33,9 +33,9 @@ def from_coordinates(*values: Array) -> Array:
 
 def entries_first(A: Array) -> Array:
     """Return the entries (n, m, ...) of matrices (..., n, m)."""
-    return np.asarray(A.transpose(A.ndim - 2, A.ndim - 1, *range(A.ndim - 2)))
+    return np.asanyarray(A.transpose(A.ndim - 2, A.ndim - 1, *range(A.ndim - 2)))
 
 
 def entries_last(A: Array) -> Array:
     """Return the matrices (..., n, m) with entries (n, m, ...)."""
-    return np.asarray(A.transpose(*range(2, A.ndim), 0, 1))
+    return np.asanyarray(A.transpose(*range(2, A.ndim), 0, 1))

@@ -320,7 +320,7 @@ def test_no_lever_arm_is_found_where_none_is_allowed(monkeypatch):
 
 def vector(M, weight, k):
     """Return an examination of a vector whose readings fit as M y."""
-    space = Space(tuple('xyz'[:k]), ('m',) * k)
+    space = Space(tuple('xyzrst'[:k]), ('m',) * k)
     labels = [(kind, 's', str(i), str(j)) for kind in ('read', 'mix')
               for i in range(k) for j in range(k)]  # fmt: skip
     size = (np.eye(k) - M).ravel()
@@ -372,6 +372,20 @@ def test_axes_are_swapped_if_that_explains_more_than_chance(monkeypatch, weight,
     swap = np.eye(3)[[0, 2, 1]]
     findings = mounting._find_swap(vector(swap, weight, 3), 's', 3)
     assert findings == ([((0, 2, 1), pytest.approx(4.0 * weight))] if found else [])
+
+
+@pytest.mark.parametrize('order', [(0, 3, 2, 1, 4, 5), (1, 0, 2, 3, 5, 4), (0, 1, 3, 4, 2, 5)])
+def test_many_axes_are_exchanged_two_by_two(monkeypatch, order):
+    """Nine coordinates, of three landmarks, have 362,880 orders."""
+    monkeypatch.setattr(mounting, 'axes_exchanged', lambda case, name, order, gain: order)
+    computed = []
+    monkeypatch.setattr(
+        mounting, 'replaced', lambda *given: computed.append(1) or units.replaced(*given)
+    )
+    size = len(order)
+    case = vector(np.eye(size)[list(order)], 50.0, size)
+    assert mounting._find_swap(case, 's', size) == [order]
+    assert len(computed) < 100
 
 
 def test_the_nearest_rotation_has_no_scale_and_no_mirror():

@@ -16,6 +16,7 @@ from kalman_ros.linear import batched
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import from_file
 from kalman_ros.sensors.euler import Euler
+from kalman_ros.sensors.landmarks import Landmarks
 
 pytest.importorskip('casadi', reason='the extra kalman_ros[compiled] is not installed')
 from kalman_ros.compiled import attempt, compiled
@@ -738,6 +739,48 @@ def test_what_cannot_be_traced_stays_numpy_with_the_reason(kind, reason):
     assert found.reason.startswith(reason)
     assert '\n' not in found.reason
     assert found.result is model
+
+
+class Rubbing(Pendulum):
+    """Dry friction, whose derivative changes within a fraction of a rad/s."""
+
+    def derivative(self, x, u):
+        friction = 0.18 * np.arctan(100.0 * x[..., 1]) + 0.05 * x[..., 1]
+        pull = 0.1 * np.sin(x[..., 0])
+        return np.stack((x[..., 1], (u[..., 0] - pull - friction) / 0.06), axis=-1)
+
+
+class Reacting(Pendulum):
+    """A rate that grows beyond all numbers far from where states are."""
+
+    def derivative(self, x, u):
+        rate = np.exp(0.5 * x[..., 0])
+        return np.stack((x[..., 1] - rate, u[..., 0] - 0.1 * rate), axis=-1)
+
+
+@C
+@pytest.mark.parametrize('kind', [Rubbing, Reacting])
+def test_what_is_steep_is_compiled(kind):
+    """Differences and short steps, with which formulas are compared, are exact nowhere else."""
+    model = kind()
+    found = attempt(model)
+    assert (found.arithmetic, found.reason) == ('C', '')
+    x, u = points(model)
+    assert_same(found.result.step(x, u, 0.01), model.step(x, u, 0.01))
+
+
+@C
+def test_landmarks_in_the_axes_of_a_body_in_space_are_compiled():
+    space = believed('inertial').model.state
+    sensor = Landmarks(
+        space, measures=['x', 'y', 'z', 'rx', 'ry', 'rz'], reads=['range', 'bearing', 'elevation'],
+        positions=[13.0, 1.0, 3.0, -4.0, 11.0, 1.0], noise=[0.05, 0.01, 0.01],
+    )  # fmt: skip
+    found = attempt(sensor, space)
+    assert (found.arithmetic, found.reason) == ('C', '')
+    for x in np.random.default_rng(2).normal(0.0, 1.0, (20, space.size)):
+        assert_same(found.result.measure(x), sensor.measure(x))
+        assert_same(found.result.jacobian(x), sensor.jacobian(x), 1e-6)
 
 
 class OwnStep(Pendulum):

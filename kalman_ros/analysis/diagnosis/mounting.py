@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from itertools import permutations
+from itertools import combinations, permutations
 from math import degrees
 
 import numpy as np
@@ -24,6 +24,8 @@ from .units import label_of, mixed, mixing, replaced
 
 #: Smallest rotation that is a finding, and largest difference from a quarter turn, in rad.
 _SMALL, _NEAR = 0.01, 0.1
+#: Most coordinates of which all orders are tried: 120 of five.
+_FEW_AXES = 5
 
 
 def find(case: Examination) -> list[Finding]:
@@ -61,16 +63,29 @@ def _gain_of(case: Examination, name: str, M: Array) -> float:
 
 def _find_swap(case: Examination, name: str, size: int) -> list[Finding]:
     """Return the best exchange of axes, if one is significant."""
-    best, best_gain = None, CHANCE
-    for order in permutations(range(size)):
-        if order == tuple(range(size)):
-            continue
-        gain = _gain_of(case, name, np.eye(size)[list(order)])
-        if gain > best_gain:
-            best, best_gain = order, gain
-    if best is None:
-        return []
-    return [axes_exchanged(case, name, best, best_gain)]
+    unchanged = tuple(range(size))
+    gains = {unchanged: CHANCE}
+
+    def gain(order: tuple[int, ...]) -> float:
+        if order not in gains:
+            gains[order] = _gain_of(case, name, np.eye(size)[list(order)])
+        return gains[order]
+
+    if size <= _FEW_AXES:
+        best = max(permutations(unchanged), key=gain)
+    else:  # one exchange after the other, while the next one explains more
+        best, following = unchanged, max(_exchanged(unchanged), key=gain)
+        while gain(following) > gain(best):
+            best, following = following, max(_exchanged(following), key=gain)
+    return [] if best == unchanged else [axes_exchanged(case, name, best, gain(best))]
+
+
+def _exchanged(order: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
+    """Yield an order with each two exchanged."""
+    for first, second in combinations(range(len(order)), 2):
+        exchanged = [*order]
+        exchanged[first], exchanged[second] = order[second], order[first]
+        yield tuple(exchanged)
 
 
 def axes_exchanged(case: Examination, name: str, order: tuple[int, ...], gain: float) -> Finding:
