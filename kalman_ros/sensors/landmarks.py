@@ -37,6 +37,8 @@ class Landmarks(Sensor):
         Numbers that are read, out of ``range``, ``bearing`` and, in space, ``elevation``.
     range_offset
         Length by which all ranges are too long, in m.
+    bearing_offset
+        Angle by which all bearings are too large, in rad.
     """
 
     def __init__(
@@ -55,6 +57,10 @@ class Landmarks(Sensor):
         ),
         range_offset: Annotated[
             float, About('by which all ranges are too long, as those of radio', 'm')
+        ] = 0.0,
+        bearing_offset: Annotated[
+            float,
+            About('by which all bearings are too large, as of a camera that is turned', 'rad'),
         ] = 0.0,
     ) -> None:
         self.state = state
@@ -76,7 +82,7 @@ class Landmarks(Sensor):
             raise ValueError('reads: elevation takes a position in space in measures')
         if self._turn is None and {*reads} != {'range'}:
             raise ValueError('reads: a direction takes a heading or a rotation in measures')
-        self._offset = range_offset
+        self._offset, self._turned = range_offset, bearing_offset
         self._name(tuple(reads), list(noise))
 
     def _attitude(self, names: Sequence[str], dimension: int) -> slice | None:
@@ -109,7 +115,7 @@ class Landmarks(Sensor):
         readings = np.stack(
             (
                 np.maximum(np.hypot(across, up), _NEAREST) + self._offset,
-                np.arctan2(d[..., 1], d[..., 0]),
+                np.arctan2(d[..., 1], d[..., 0]) + self._turned,
                 np.arctan2(up, across),
             ),
             axis=-1,

@@ -220,6 +220,35 @@ def test_a_half_is_likelier_than_knots(factor, std, kind):
 
 
 @pytest.mark.parametrize(
+    ('factor', 'scatter', 'found'), [(0.18, 0.1, [0.18]), (0.9, 0.1, []), (0.18, 20.0, [])]
+)
+def test_a_factor_is_that_to_what_the_others_predict(monkeypatch, factor, scatter, found):
+    predicted = np.linspace(1.0, 3.0, 30)[:, np.newaxis]
+    noise = scatter * np.random.default_rng(1).normal(size=(30, 1))
+    others = SimpleNamespace(record=record(np.arange(30.0), value=predicted / factor + noise),
+                             predicted=predicted)  # fmt: skip
+    monkeypatch.setattr(gross, 'left_out', lambda *given: others)
+    monkeypatch.setattr(gross, 'scaled', lambda case, names, group, factor, *_: factor)
+    known = case(record(np.arange(30.0)))
+    assert list(gross._by_others(known, 'position')) == pytest.approx(found, rel=0.02)
+    monkeypatch.setattr(gross, 'left_out', lambda *given: None)
+    assert list(gross._by_others(known, 'position')) == []
+
+
+def test_the_first_seconds_have_some_readings_of_the_slowest_sensor():
+    times = {'fast': np.arange(0.0, 100.0, 0.1), 'slow': np.arange(1.0, 100.0, 5.0)}
+    every = np.sort(np.concatenate([*times.values()]))
+    passage = SimpleNamespace(series=lambda field, name='': times.get(name, every))
+    case_ = SimpleNamespace(passage=passage, judged=['fast', 'slow'])
+    assert gross._until(case_, 8.0) == pytest.approx(36.0)  # the eighth of the slow one
+    assert gross._until(case_, 2.0) == pytest.approx(6.0)
+    assert gross._until(case_, 2.0, 30.0) == pytest.approx(36.0)
+    case_.judged = ['fast']
+    assert gross._until(case_, 8.0) == pytest.approx(8.0)
+    assert gross._until(case_, 8.0, 200.0) == pytest.approx(208.0)  # behind the last one
+
+
+@pytest.mark.parametrize(
     ('times', 'found'),
     [
         (0.3048 * np.exp(0.29), [0.3048]),

@@ -47,6 +47,7 @@ from . import (
     noise_levels,
     norms,
     outliers,
+    partly_read,
     quantisation,
     rate,
     saturation,
@@ -71,21 +72,21 @@ PLAIN: Sequence[Detector] = (
 )  # fmt: skip
 #: Detectors of findings in the innovations of a filter.
 FITTED: Sequence[Detector] = (
-    units.find, common_scale.find, mounting.find, exchanged.find, unrelated.find, outliers.find,
-    lateness.hidden,
+    units.find, common_scale.find, mounting.find, partly_read.find, exchanged.find,
+    unrelated.find, outliers.find, lateness.hidden,
     lag.find, backlash.find, coloured.find, bias.find, inputs.find, input_axes.find,
     contradicted_parameters.find, first_belief.find, noise_levels.find, lever_arms.find,
     stretch.find,
 )  # fmt: skip
 #: Detectors of findings that hold from the first seconds on.
 SIMPLE: Sequence[Detector] = (
-    units.find, common_scale.find, mounting.find, bias.find, inputs.find,
+    units.find, common_scale.find, mounting.find, partly_read.find, bias.find, inputs.find,
     contradicted_parameters.find,
 )  # fmt: skip
 #: Detectors of findings of a constant size.
 CONSTANT: Sequence[Detector] = (
-    units.find, common_scale.find, mounting.find, inputs.find, contradicted_parameters.find,
-    lever_arms.find,
+    units.find, common_scale.find, mounting.find, partly_read.find, inputs.find,
+    contradicted_parameters.find, lever_arms.find,
 )  # fmt: skip
 #: Largest numbers of rounds, of findings that are tried in a round, and of those of one kind.
 _ROUNDS, _TRIED, _ALIKE = 6, 10, 3

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import permutations
-from math import log, pi
+from math import inf, log, pi
 
 import numpy as np
 
@@ -21,8 +21,9 @@ from .units import conversions, groups, mixed, scaled
 
 #: A filter is lost if its squared innovations exceed their expectation by this factor.
 _LOST = 2.0
-#: Candidates are compared on the first seconds, and on these after the filter gets lost.
-#: Candidates that increase the misfit are dropped after the second, shorter duration.
+#: Candidates are compared on the first seconds, or as many readings of the slowest sensor, and on
+#: these after the filter gets lost. Candidates that increase the misfit are dropped after the
+#: second, shorter duration.
 _SECONDS, _SOONER = 8.0, 2.0
 #: A filter that gets lost after more events than these is compared on the first seconds alone,
 #: and is not lost before the second number of values.
@@ -34,6 +35,8 @@ _SUSPECT, _PART = 1.2, 3000
 _ROTATION_SECONDS, _SMALLEST_ROTATION = 20.0, 0.2
 #: Two sizes are alike if the logarithm of their ratio is below this.
 _ALIKE = 0.3
+#: A factor by the predictions of the other sensors takes as many readings, and this correlation.
+_FEWEST, _CORRELATED = 8, 0.7
 #: Trial factors of each coordinate.
 _FACTORS = (-1.0, pi / 180.0, 180.0 / pi, 1.0 / 3.6, 1e-3, 9.80665)
 
@@ -48,8 +51,10 @@ def find(case: Examination) -> list[Finding]:
     """
     if case.evidence.scenario.plan.linear or not _is_suspect(case):
         return []
-    begin = float(case.passage.series('time')[0])
-    first_span, span = (_Span(case, until) for until in (begin + _SOONER, _onset(case) + _SECONDS))
+    first_span, span = (
+        _Span(case, until)
+        for until in (_until(case, _SOONER), _until(case, _SECONDS, _onset(case)))
+    )
     candidates, most = _candidates(case), 2
     if not lost(case):
         span = _Span(case, float(case.passage.series('time')[:_PART][-1]))
@@ -99,12 +104,28 @@ def _onset(case: Examination) -> float:
     return float(passage.series('time')[beyond[0] if len(beyond) else 0])
 
 
+def _until(case: Examination, seconds: float, begin: float = -inf) -> float:
+    """Return the stamp some seconds after a stamp, the first one by default.
+
+    It is a later one if a sensor has fewer readings by then than seconds, up to `_MOST_EVENTS`.
+    """
+    every = case.passage.series('time')
+    begin = max(begin, float(every[0]))
+    ends = [begin + seconds]
+    for name in case.judged:
+        times = case.passage.series('time', name)
+        times = times[times >= begin]
+        ends += times[: int(seconds)][-1:].tolist()
+    last = float(every[min(np.searchsorted(every, begin) + _MOST_EVENTS, len(every)) - 1])
+    return max(begin + seconds, min(max(ends), last))
+
+
 def beginning(case: Examination) -> Examination:
     """Return the first seconds of a case, in which a filter is not yet lost.
 
     Linearisations hold there, and find causes of the later misfit, too.
     """
-    until = float(case.passage.series('time')[0]) + _SECONDS
+    until = _until(case, _SECONDS)
     return Examination(case.evidence, strict=False, known=case.passage.until(until))
 
 
@@ -144,6 +165,7 @@ def _candidates(case: Examination) -> Iterator[Finding]:
                 yield scaled(case, (name,), group, factor, 0.0, 0.0)
         if space.size == 2:
             yield axes_exchanged(case, name, (1, 0), 0.0)
+        yield from _by_others(case, name)
         yield from _turned_or_exchanged(case, name)
     yield from exchanged.candidates(case)
     yield from _input_candidates(case)
@@ -160,7 +182,7 @@ def _input_candidates(case: Examination) -> Iterator[Finding]:
         for factor in _usual_factors(conversions(space, group)):
             yield input_axes.multiplied(case, group, factor)
     yield from input_axes.exchanges(case)
-    yield from input_axes.by_passes(case, float(case.passage.series('time')[0]) + _SOONER)
+    yield from input_axes.by_passes(case, _until(case, _SOONER))
 
 
 def _by_size(
@@ -177,6 +199,18 @@ def _by_size(
     return [near] if abs(log(ratio / near)) < _ALIKE < abs(log(ratio)) else []
 
 
+def _by_others(case: Examination, name: str) -> Iterator[Finding]:
+    """Yield the factor of each group that fits the predictions of the other sensors."""
+    others = left_out(case, name, _until(case, _ROTATION_SECONDS), _FEWEST)
+    for group in groups(case.evidence.scenario.sensors[name].sensor.output) if others else ():
+        assert others is not None
+        y, expected = others.record.value[:, group], others.predicted[:, group]
+        product, square = float(np.sum(expected * y)), float(np.sum(y**2))
+        size = (square * float(np.sum(expected**2))) ** 0.5
+        if product > _CORRELATED * size and abs(log(product / square)) > _ALIKE:
+            yield scaled(case, (name,), group, product / square, 0.0, 0.0)
+
+
 def _turned_or_exchanged(case: Examination, name: str) -> Iterator[Finding]:
     """Yield the rotation and the order of axes that fit the predictions of the other sensors.
 
@@ -185,7 +219,7 @@ def _turned_or_exchanged(case: Examination, name: str) -> Iterator[Finding]:
     """
     space = case.evidence.scenario.sensors[name].sensor.output
     axes = vectors(space)
-    until = float(case.passage.series('time')[0]) + _ROTATION_SECONDS
+    until = _until(case, _ROTATION_SECONDS)
     others = left_out(case, name, until) if axes else None
     if others is None:
         return

@@ -39,13 +39,15 @@ class LeftOut(NamedTuple):
     rows: Any
 
 
-def left_out(case: Examination, name: str, until: float = np.inf) -> LeftOut | None:
-    """Return a sensor's readings and predictions up to a stamp (s); None if they are too few."""
+def left_out(
+    case: Examination, name: str, until: float = np.inf, fewest: int = _FEWEST
+) -> LeftOut | None:
+    """Return a sensor's readings and predictions up to a stamp (s); None below the ``fewest``."""
     record = case.evidence.sensors[name]
     rest = case.evidence.with_sensor(name, record.select(slice(0)))
     without = passage(rest, until, strict=False)
     record = record.select(usable(record) & (record.stamp <= until))
-    if len(record) < _FEWEST or len(without.events) < _FEWEST:
+    if len(record) < fewest or len(without.events) < _FEWEST:
         return None
     record = record.select(np.argsort(record.stamp, kind='stable'))
     rows = np.searchsorted(without.series('time'), record.stamp, 'right') - 1

@@ -103,7 +103,7 @@ TABLE = (
 
     R('miner', 'camera_twisted', 1033, 'mounting', 'markers', 2.5, 'deg about z',
       on('markers', shifted, -2.5 * DEGREE, **_BEARINGS),
-      alike='bias'),
+      alike='bias; parameter of bearing_offset markers.bearing_offset'),
     R('miner', 'marker_moved', 1034, 'parameter', 'positions markers.positions', -5.6,
       'm, declared -6', physics={'x_c': -5.6}),
     R('miner', 'flow_height', 1035, 'scale', 'flow', 0.92, '', on('flow', scaled, 0.92)),
