@@ -77,8 +77,8 @@ def _placed(report: DesignReport) -> Iterator[str]:
     if report.estimator is None:
         return
     asked = [s for s in placed_poles(report.scenario) if s.imag >= 0.0]
-    found = [mode.pole for mode in report.estimator.modes]
-    if any(min(abs(s - each) for each in found) > _PLACED * abs(s) for s in asked):
+    poles = [mode.pole for mode in report.estimator.modes]
+    if any(min(abs(s - pole) for pole in poles) > _PLACED * abs(s) for s in asked):
         wanted = ', '.join(_pole(s) for s in sorted(asked, key=abs))
         yield (
             f'The observer is asked for poles at {wanted} 1/s, by a gain in continuous time. With '

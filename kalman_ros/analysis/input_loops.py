@@ -216,10 +216,16 @@ def _analyse_loops(loop: Broken, delay: float) -> list[Loop]:
     designed = loop_at_a_time(prompt)
     if not delay:
         broken = (prompt.channel(index) for index in range(len(designed)))
-        return [Loop(each, found, found) for each, found in zip(broken, designed)]
+        return [
+            Loop(channel, design_margins, design_margins)
+            for channel, design_margins in zip(broken, designed)
+        ]
     delayed = loop(delay)
     broken = (delayed.channel(index) for index in range(len(designed)))
-    return [Loop(each, margins_or_none(each), found) for each, found in zip(broken, designed)]
+    return [
+        Loop(channel, margins_or_none(channel), design_margins)
+        for channel, design_margins in zip(broken, designed)
+    ]
 
 
 def margins_or_none(loop: StateSpace) -> Margins | None:

@@ -50,7 +50,10 @@ def nis_variances(plan: Plan, fixed: FixedGainObserver | None) -> dict[str, floa
     for index, name in enumerate(names):
         if name is not None:
             shared[name].append(_shared(names, phases, steady, index))
-    return {name: own + 2.0 * float(np.mean(shared[name])) for name, own in independent.items()}
+    return {
+        name: variance + 2.0 * float(np.mean(shared[name]))
+        for name, variance in independent.items()
+    }
 
 
 def _shared(

@@ -226,7 +226,7 @@ def separation(path: PosePath, reference: PosePath, *, align: bool) -> Separatio
     if align:
         mine = mine.aligned_with(theirs)
     lengths = _lengths(theirs.length)
-    headings = [_level(each) for each in (mine, theirs)]
+    headings = [_level(pose_path) for pose_path in (mine, theirs)]
     axes = 2 if path.planar or reference.planar else 3
     apart = (mine.position - theirs.position)[:, :axes]
     distance = np.linalg.norm(apart, axis=1)
@@ -260,8 +260,8 @@ def _lengths(whole: float) -> list[float]:
     if whole < 1.0:
         return []
     steps = np.outer(10.0 ** np.arange(-2, 6), (1.0, 2.0, 5.0)).ravel()
-    found = [float(steps[steps <= share * whole].max()) for share in (0.05, 0.2, 0.5)]
-    return list(dict.fromkeys(found))
+    lengths = [float(steps[steps <= share * whole].max()) for share in (0.05, 0.2, 0.5)]
+    return list(dict.fromkeys(lengths))
 
 
 def _relative(path: PosePath, reference: PosePath, length: float, axes: int) -> RelativeError:
@@ -273,10 +273,10 @@ def _relative(path: PosePath, reference: PosePath, length: float, axes: int) -> 
     if not len(starts):
         return RelativeError(length, nan, nan, 0)
     moves, turns = [], []
-    for each in (path, reference):
-        first = each.rotation[starts]
-        moves.append(so3.rotate_back(first, each.position[ends] - each.position[starts]))
-        turns.append(so3.compose(-first, each.rotation[ends]))
+    for pose_path in (path, reference):
+        first = pose_path.rotation[starts]
+        moves.append(so3.rotate_back(first, pose_path.position[ends] - pose_path.position[starts]))
+        turns.append(so3.compose(-first, pose_path.rotation[ends]))
     apart = np.linalg.norm((moves[0] - moves[1])[:, :axes], axis=1)
     turned = np.linalg.norm(so3.compose(-turns[1], turns[0]), axis=1)
     return RelativeError(length, _rms(apart), _rms(turned), len(starts))

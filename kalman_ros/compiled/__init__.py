@@ -113,15 +113,15 @@ def _verified(original: Any, state: Space | None, wait: bool, one_of_many: bool)
         raise UntraceableError('it has attributes that cannot be compared')
     make = _model if isinstance(original, Dynamics) else _sensor
     space = state or original.state
-    found = make(original, space, wait)
+    outcome = make(original, space, wait)
     try:
-        formulas.verify(original, found.result, space, one_of_many=one_of_many)
+        formulas.verify(original, outcome.result, space, one_of_many=one_of_many)
     except UntraceableError:
         # what has the same attributes may compute by other formulas than before
         native_model.forget_formulas()
-        found = make(original, space, wait)
-        formulas.verify(original, found.result, space, one_of_many=one_of_many)
-    return found
+        outcome = make(original, space, wait)
+        formulas.verify(original, outcome.result, space, one_of_many=one_of_many)
+    return outcome
 
 
 def _in_a_line(error: Exception) -> str:
@@ -150,10 +150,10 @@ def _sensor(original: Any, state: Space, wait: bool) -> Outcome:
         return _slower(interpreted_sensor(original, state), 'CasADi', error)
 
 
-def _slower(found: Any, arithmetic: Arithmetic, error: Exception) -> Outcome:
+def _slower(part: Any, arithmetic: Arithmetic, error: Exception) -> Outcome:
     """Return what computes in the place of C, with the reason."""
     from .library import CompilerError
 
     if isinstance(error, CompilerError):
-        return Outcome(found, arithmetic, str(error), error.pending)
-    return Outcome(found, arithmetic, _in_a_line(error))
+        return Outcome(part, arithmetic, str(error), error.pending)
+    return Outcome(part, arithmetic, _in_a_line(error))

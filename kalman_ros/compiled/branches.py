@@ -44,7 +44,8 @@ class _Way:
         """Whether a state leads this way."""
         every = zip(self.conditions, self.taken)
         return reduce(
-            casadi.logic_and, (each if taken else casadi.logic_not(each) for each, taken in every)
+            casadi.logic_and,
+            (condition if taken else casadi.logic_not(condition) for condition, taken in every),
         )
 
 

@@ -55,6 +55,6 @@ def derive(
         What the functions need.
     """
     kind: Any = type(original)
-    found: Any = object.__new__(_class(part, kind))
-    vars(found).update(vars(original), _c_again=(again, (original, *rest)), **attributes)
-    return found
+    derived: Any = object.__new__(_class(part, kind))
+    vars(derived).update(vars(original), _c_again=(again, (original, *rest)), **attributes)
+    return derived

@@ -41,8 +41,8 @@ def overridden(model: Dynamics, functions: Iterable[str] = ('step', *_OF_STEPS))
 
 def nested(model: Model) -> list[Model]:
     """Return a model and those among its attributes."""
-    inner = [each for each in vars(model).values() if isinstance(each, Model)]
-    return [model, *(each for one in inner for each in nested(one))]
+    inner = [value for value in vars(model).values() if isinstance(value, Model)]
+    return [model, *(part for one in inner for part in nested(one))]
 
 
 class ModelFormulas(NamedTuple):
@@ -78,7 +78,7 @@ class ModelFormulas(NamedTuple):
     @property
     def traces(self) -> dict[str, Trace]:
         """The functions by name."""
-        return {name: each for name, each in self._asdict().items() if isinstance(each, Trace)}
+        return {name: value for name, value in self._asdict().items() if isinstance(value, Trace)}
 
 
 class DiscreteModelFormulas(NamedTuple):
@@ -164,7 +164,7 @@ def of_model(model: Model, parameters: Parameters) -> ModelFormulas:
         If a function cannot be traced, or its own Jacobian is not the derivative.
     """
     for name in _OF_STEPS:
-        if any(name in overridden(each) for each in nested(model)):
+        if any(name in overridden(part) for part in nested(model)):
             raise UntraceableError(f'its class defines {name}')
     space = model.state
 
@@ -238,7 +238,7 @@ def _of_steps(
 
     A model that overrides ``step`` has one in each.
     """
-    if any('step' in overridden(each) for each in nested(model)):
+    if any('step' in overridden(part) for part in nested(model)):
         return trace(lambda x, u, h, p: given(p).step(x, u, h[0]), *probes), 1
     substep = trace(lambda x, u, h, p: given(p).substep(x, u, h[0]), *probes)
     x, u, _, p = probes[0]
@@ -318,29 +318,29 @@ def of_space(space: Space) -> SpaceFormulas:
 
 
 def verify(
-    original: Dynamics | Sensor, found: Any, state: Space, *, one_of_many: bool = False
+    original: Dynamics | Sensor, compiled: Any, state: Space, *, one_of_many: bool = False
 ) -> None:
     """Raise UntraceableError where a compiled part does not do what the original does.
 
     Of ``one_of_many`` that differ in numbers, fewer points are compared.
     """
     if isinstance(original, Dynamics):
-        _verify_model(original, found, 1 if one_of_many else None)
+        _verify_model(original, compiled, 1 if one_of_many else None)
     else:
-        _verify_sensor(original, found, state, 1 if one_of_many else None)
+        _verify_sensor(original, compiled, state, 1 if one_of_many else None)
 
 
-def _verify_model(original: Dynamics, found: Dynamics, near: int | None) -> None:
+def _verify_model(original: Dynamics, compiled: Dynamics, near: int | None) -> None:
     """Compare a model at some points ``near`` its rest, or at all, and at others far away."""
     states, inputs = points_about(original)
     dt = original.period or 0.01
     for x, u in zip(states[:near], inputs):
-        _verify(partial(_linearized, original), found.linearized_step, x, u, dt)
+        _verify(partial(_linearized, original), compiled.linearized_step, x, u, dt)
     rest = original.equilibrium
     far, inputs = _far(rest.state), _far(rest.input)
     _verify(
         lambda x, u: (original.time_derivative(x, u), original.step(x, u, dt)),
-        lambda x, u: (found.time_derivative(x, u), found.step(x, u, dt)),
+        lambda x, u: (compiled.time_derivative(x, u), compiled.step(x, u, dt)),
         far,
         inputs,
     )
@@ -350,7 +350,7 @@ def _verify_model(original: Dynamics, found: Dynamics, near: int | None) -> None
         if short:
             _verify(
                 lambda x: (original.noise_density(x),),
-                lambda x, u=u, short=short: (found.noise_covariance(x, u, short) / short,),
+                lambda x, u=u, short=short: (compiled.noise_covariance(x, u, short) / short,),
                 x,
             )
 
@@ -379,28 +379,28 @@ def _short(model: Any, x: Array, u: Array) -> float:
     return _SHORT / max(1.0, rate) if np.isfinite(rate) else 0.0
 
 
-def _verify_sensor(original: Sensor, found: Sensor, state: Space, near: int | None) -> None:
+def _verify_sensor(original: Sensor, compiled: Sensor, state: Space, near: int | None) -> None:
     """Compare a sensor of a state, with its derivatives at some points."""
     states = _points(np.full(state.size, 0.5))
     for x in states[:near]:
         _verify(
             lambda at: (original.measure(at), original.jacobian(at)),
-            lambda at: (found.measure(at), found.jacobian(at)),
+            lambda at: (compiled.measure(at), compiled.jacobian(at)),
             x,
         )
     far = _far(np.full(state.size, 0.5))
-    _verify(lambda at: (original.measure(at),), lambda at: (found.measure(at),), far)
+    _verify(lambda at: (original.measure(at),), lambda at: (compiled.measure(at),), far)
 
 
 def _verify(
-    original: Callable[..., Iterable[Array]], found: Callable[..., Iterable[Array]], *at: Any
+    original: Callable[..., Iterable[Array]], compiled: Callable[..., Iterable[Array]], *at: Any
 ) -> None:
     with np.errstate(all='ignore'):
         try:
             expected = [*original(*at)]
         except Exception:  # a function of a user may fail where no state is
             return
-        pairs = [*zip(found(*at), expected)]
+        pairs = [*zip(compiled(*at), expected)]
     for mine, theirs in pairs:
         known = np.isfinite(theirs)  # where there is no number, filters fail either way
         size = np.abs(theirs[known])

@@ -45,18 +45,18 @@ class Parameters:
         #: The model or sensor.
         self.original = original
         self._opened, self._scoped = opened, scoped
-        found = [*_numbers(original, opened)]
+        values = [*_numbers(original, opened)]
         #: The numbers, in the order of the attributes (p,).
-        self.values: Array = np.array([value for value in found if isinstance(value, float)])
+        self.values: Array = np.array([value for value in values if isinstance(value, float)])
         #: Equal for objects that compute by the same formulas.
         self.signature: tuple[Hashable, ...] = tuple(
-            float if isinstance(value, float) else value for value in found
+            float if isinstance(value, float) else value for value in values
         )
 
     @property
     def comparable(self) -> bool:
         """Whether another object that is built in the same way has the same signature."""
-        return not any(isinstance(each, _Same) for each in self.signature)
+        return not any(isinstance(item, _Same) for item in self.signature)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Parameters) and other.signature == self.signature
@@ -115,21 +115,21 @@ def _numbers(value: Any, opened: bool, inside: tuple[Any, ...] = ()) -> Iterator
         yield from _numbers(_content(value), opened, (*inside, value))
     elif isinstance(value, np.ndarray) and value.dtype == float:
         yield value.shape
-        for each in value.ravel().tolist():
-            yield each or _ZERO
+        for number in value.ravel().tolist():
+            yield number or _ZERO
     elif isinstance(value, np.ndarray) and value.dtype.kind in 'iub':  # indices are no parameters
         yield value.dtype, value.shape, value.tobytes()
     elif isinstance(value, slice):
         yield slice, value.start, value.stop, value.step
     elif isinstance(value, (tuple, list)):
         yield type(value), len(value)
-        for each in value:
-            yield from _numbers(each, opened, inside)
+        for element in value:
+            yield from _numbers(element, opened, inside)
     elif isinstance(value, dict):
         yield dict, len(value)
-        for name, each in value.items():
+        for name, element in value.items():
             yield name
-            yield from _numbers(each, opened, inside)
+            yield from _numbers(element, opened, inside)
     elif isinstance(value, float):
         yield value or _ZERO
     else:
@@ -184,7 +184,7 @@ class _Replacement:
 
 def _can_open(value: Any, inside: tuple[Any, ...]) -> bool:
     """Return whether a value is a function whose content can be had, and not one of these."""
-    if not isinstance(value, FunctionType) or any(value is each for each in inside):
+    if not isinstance(value, FunctionType) or any(value is function for function in inside):
         return False
     try:
         _content(value)

@@ -26,7 +26,7 @@ class Evaluation:
     def __init__(self, trace: Trace) -> None:
         function = trace.function('f')
         self._buffer, self._run = function.buffer()
-        self._arguments = [np.zeros(each.numel()) for each in trace.variables]
+        self._arguments = [np.zeros(variable.numel()) for variable in trace.variables]
         for index, argument in enumerate(self._arguments):
             self._buffer.set_arg(index, _memory(argument))
         rows, columns = trace.result.sparsity().get_triplet()
@@ -131,7 +131,7 @@ def interpreted_model(model: Model) -> Model:
         If a function cannot be traced.
     """
     parameters, formulas = freed(model, lambda given: of_model(model, given))
-    found: Model = derive(
+    derived: Model = derive(
         InterpretedModel,
         model,
         interpreted_model,
@@ -140,7 +140,7 @@ def interpreted_model(model: Model) -> Model:
         _c_shapes=((model.state.size,), (model.input.size,)),
         **_evaluations(formulas.traces),
     )
-    return found
+    return derived
 
 
 def interpreted_sensor(sensor: Sensor, state: Space) -> Sensor:
@@ -152,7 +152,7 @@ def interpreted_sensor(sensor: Sensor, state: Space) -> Sensor:
         If a function cannot be traced.
     """
     parameters, formulas = freed(sensor, lambda given: of_sensor(sensor, state, given))
-    found: Sensor = derive(
+    derived: Sensor = derive(
         InterpretedSensor,
         sensor,
         interpreted_sensor,
@@ -161,8 +161,8 @@ def interpreted_sensor(sensor: Sensor, state: Space) -> Sensor:
         _c_numbers=parameters.values,
         **_evaluations(formulas._asdict()),
     )
-    return found
+    return derived
 
 
 def _evaluations(traces: Mapping[str, Trace]) -> dict[str, Evaluation]:
-    return {f'_c_{name}': Evaluation(each) for name, each in traces.items()}
+    return {f'_c_{name}': Evaluation(formula) for name, formula in traces.items()}

@@ -172,16 +172,16 @@ def load(source: str, *, wait: bool = True) -> ctypes.CDLL:
         raise version
     key = '\0'.join((source, *command, *_FLAGS, version))
     name = f'{sha256(key.encode()).hexdigest()}.so'
-    found = _known.get(name) or _cached(name)
-    if found is None and not wait:
+    outcome = _known.get(name) or _cached(name)
+    if outcome is None and not wait:
         raise CompilerError('it is being compiled', source)
-    if found is None:
+    if outcome is None:
         with _one_at_a_time:
-            found = _known.get(name) or _cached(name) or _made(command, source, name)
-    _known[name] = found
-    if isinstance(found, CompilerError):
-        raise found
-    return found
+            outcome = _known.get(name) or _cached(name) or _made(command, source, name)
+    _known[name] = outcome
+    if isinstance(outcome, CompilerError):
+        raise outcome
+    return outcome
 
 
 def _made(command: tuple[str, ...], source: str, name: str) -> ctypes.CDLL | CompilerError:
@@ -226,8 +226,8 @@ def _remove_stale(cache: Path) -> None:
 
 def _compiled(command: tuple[str, ...], source: str, folder: Path, name: str) -> ctypes.CDLL:
     """Compile into a folder, whole or not at all, and load."""
-    with tempfile.TemporaryDirectory(dir=folder, prefix='.') as own:
-        text, library = Path(own) / 'source.c', Path(own) / name
+    with tempfile.TemporaryDirectory(dir=folder, prefix='.') as scratch:
+        text, library = Path(scratch) / 'source.c', Path(scratch) / name
         text.write_text(source)
         _run([*command, *_FLAGS, '-o', str(library), '-x', 'c', str(text), '-lm'], _PATIENCE)
         library.chmod(0o700)

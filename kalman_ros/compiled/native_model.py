@@ -82,7 +82,7 @@ class NativeDynamics(Numbered, Dynamics):
         if (x.shape[-1:], u.shape[-1:]) != self._c_shapes:
             return None
         if x.shape[:-1] != u.shape[:-1]:
-            x, u = (np.broadcast_to(each, (*_lead(x, u), each.shape[-1])) for each in (x, u))
+            x, u = (np.broadcast_to(array, (*_lead(x, u), array.shape[-1])) for array in (x, u))
         first, count = x.size, x.size // x.shape[-1]
         middle = first + u.size
         last = middle + (0 if behind is None else behind.size)
@@ -106,13 +106,13 @@ class NativeDynamics(Numbered, Dynamics):
             u, covariances = like(u, x), np.broadcast_to(P, (*x.shape, n))
         step = self._c_library.predictions
         lengths = dt, self.max_step, number
-        found = self._c_called(step, x, u, n + n * n, *lengths, behind=covariances)
-        if found is None:
+        moments = self._c_called(step, x, u, n + n * n, *lengths, behind=covariances)
+        if moments is None:
             raise ValueError(f'x, u: expected (..., n) and (..., m), got {x.shape}, {u.shape}')
-        mean, covariance = found[: x.size], found[x.size :].reshape(-1, n, n)
-        if not is_finite(found) and x.ndim == 1:
+        mean, covariance = moments[: x.size], moments[x.size :].reshape(-1, n, n)
+        if not is_finite(moments) and x.ndim == 1:
             return super().predicted_moments(x, P, u, dt, number)
-        if not is_finite(found):
+        if not is_finite(moments):
             points, before = x.reshape(-1, n), covariances.reshape(-1, n, n)
             for k, original in self._c_lost(covariance, NativeDynamics):
                 at, C, input = points[k], before[k], u.reshape(len(points), -1)[k]
@@ -182,14 +182,14 @@ class NativeDynamics(Numbered, Dynamics):
 
     def noisy_step(self, x: Array, u: Array, dt: float, normal: Array) -> Array:
         """Return the states (..., n) after a step with the noise of standard normal numbers."""
-        found, u = None, like(u, x)
+        states, u = None, like(u, x)
         alike = x.shape == normal.shape and x.shape[:-1] == u.shape[:-1]
         if x.ndim > 1 and alike and not self.state.rotations:
             step, n = self._c_library.noisy_steps, x.shape[-1]
-            found = self._c_called(step, x, u, n, dt, self.max_step, behind=normal)
-        if found is None or not is_finite(found):
+            states = self._c_called(step, x, u, n, dt, self.max_step, behind=normal)
+        if states is None or not is_finite(states):
             return super().noisy_step(x, u, dt, normal)
-        return found.reshape(x.shape)
+        return states.reshape(x.shape)
 
     def covariance_factor(self, P: Array) -> Array:
         """Return L with L L' = P (..., n, n), NaN where P is not positive definite."""
@@ -216,10 +216,10 @@ class NativeDynamics(Numbered, Dynamics):
     def step(self, x: Array, u: Array, dt: float) -> Array:
         """Return the state (..., n) after ``dt`` seconds with ``u`` held, without noise."""
         u, n = like(u, x), x.shape[-1]
-        found = self._c_called(self._c_library.steps, x, u, n, dt, self.max_step)
-        if found is None:
+        states = self._c_called(self._c_library.steps, x, u, n, dt, self.max_step)
+        if states is None:
             return super().step(x, u, dt)  # type: ignore[safe-super]  # which says what is wrong
-        return found.reshape(*_lead(x, u), n)
+        return states.reshape(*_lead(x, u), n)
 
     def noise_covariance(self, x: Array, u: Array, dt: float) -> Array:
         """Return Q (..., n, n), what the noise adds in a step of length ``dt`` from x (..., n)."""
@@ -230,11 +230,11 @@ class NativeDynamics(Numbered, Dynamics):
         if x.ndim == 1:
             return self.linearized_step(x, u, dt).Q
         n, u = x.shape[-1], like(u, x)
-        found = self._c_called(self._c_library.noises, x, u, n * n, dt)
-        if found is None:
+        covariances = self._c_called(self._c_library.noises, x, u, n * n, dt)
+        if covariances is None:
             raise ValueError(f'x, u: expected (..., n) and (..., m), got {x.shape}, {u.shape}')
-        Q = found.reshape(-1, n, n)
-        if not is_finite(found):
+        Q = covariances.reshape(-1, n, n)
+        if not is_finite(covariances):
             for k, original in self._c_lost(Q, NativeDynamics):
                 Q[k] = _linearized(original, x.reshape(-1, n)[k], u.reshape(len(Q), -1)[k], dt)[1]
         return Q.reshape(*x.shape, n)
@@ -245,17 +245,17 @@ class NativeDynamics(Numbered, Dynamics):
         if x.ndim > 1:
             u = like(u, x)
             step = self._c_library.linearized_steps
-            found = self._c_called(step, x, u, n + 2 * n * n, dt, self.max_step)
-            if found is None:
+            numbers = self._c_called(step, x, u, n + 2 * n * n, dt, self.max_step)
+            if numbers is None:
                 raise ValueError(f'x, u: expected (..., n) and (..., m), got {x.shape}, {u.shape}')
             count, shape = x.size // n, (*x.shape, n)
-            both = found[count * n :].reshape(2, count, n, n)
-            if not is_finite(found):
+            both = numbers[count * n :].reshape(2, count, n, n)
+            if not is_finite(numbers):
                 for k, original in self._c_lost(both.swapaxes(0, 1), NativeDynamics):
                     at = x.reshape(count, n)[k], u.reshape(count, -1)[k]
                     both[:, k] = _linearized(original, *at, dt)
             F, Q = both.reshape(2, *shape)
-            return LinearizedStep(found[: count * n].reshape(x.shape), F, Q)
+            return LinearizedStep(numbers[: count * n].reshape(x.shape), F, Q)
         if (x.shape, u.shape) != self._c_shapes:
             return super().linearized_step(x, u, dt)
         moved = n + u.size
@@ -272,10 +272,10 @@ class NativeModel(NativeDynamics, Model):
 
     def derivative(self, x: Array, u: Array) -> Array:
         """Return dx/dt (..., n)."""
-        found = self._c_called(self._c_library.rates, x, u, x.shape[-1])
-        if found is None:
+        rates = self._c_called(self._c_library.rates, x, u, x.shape[-1])
+        if rates is None:
             return super().derivative(x, u)  # type: ignore[safe-super]
-        return found.reshape(*_lead(x, u), x.shape[-1])
+        return rates.reshape(*_lead(x, u), x.shape[-1])
 
 
 class NativeDiscreteModel(NativeDynamics, DiscreteModel):
@@ -385,5 +385,5 @@ def _discrete_source(parameters: Parameters) -> str:
 
 def forget_formulas() -> None:
     """Trace again what looks like something known."""
-    for each in (_model_source, _discrete_source, sensor_source):
-        each.cache_clear()
+    for function in (_model_source, _discrete_source, sensor_source):
+        function.cache_clear()

@@ -92,11 +92,11 @@ def run(
     ):
         if y.shape[1] > most_read:
             return None
-        found = _fill(structure, memory, sensor, y, R, n, kept)
-        if found is None:
+        matrices = _fill(structure, memory, sensor, y, R, n, kept)
+        if matrices is None:
             return None
         structure.limit = limit
-        outputs.append(found)
+        outputs.append(matrices)
     # one more, for a step to a reading that is not fused
     steps = 1 + (int(np.count_nonzero(data.sensor >= 0)) if kept else 0)
     F, Q, covariance = np.empty((3, steps, n, n))
@@ -107,7 +107,7 @@ def run(
         length, at(data.dt), at(parts, ctypes.c_long), at(data.input, ctypes.c_long),
         at(data.inputs), at(data.sensor, ctypes.c_long), ctypes.addressof(structures),
         model._c_p, model.max_step, kept, arrive,
-        *(each.ctypes.data for each in (*after, F, Q, predicted, covariance, fused)),
+        *(array.ctypes.data for array in (*after, F, Q, predicted, covariance, fused)),
     )  # fmt: skip
     if getattr(model._c_library, 'pass')(ctypes.byref(sequence)) < length:
         return None
@@ -116,8 +116,8 @@ def run(
     return StepMatrices(
         F[:whole], Q[:whole], predicted[:whole], covariance[:whole], after, fused,
         [
-            ReadingMatrices(*(each[:count] for each in found))
-            for found, count in zip(outputs, counts)
+            ReadingMatrices(*(array[:count] for array in matrices))
+            for matrices, count in zip(outputs, counts)
         ],
     )  # fmt: skip
 
@@ -146,7 +146,7 @@ def _fill(
     if functions is None:
         return None
     more = count if kept else 1  # matrices that are not kept need room for one
-    found = ReadingMatrices(
+    matrices = ReadingMatrices(
         *map(np.empty, ((more, k, n), (more, n, k), (count, k, k))),
         *map(np.empty, ((count, k), (more, k, k), more, (more, k))),
     )
@@ -154,9 +154,9 @@ def _fill(
     structure.p = numbers if isinstance(numbers, int) else memory.at(numbers)
     structure.turns, structure.k = memory.at(turns(sensor.output)), k
     structure.y, structure.R = memory.at(y), memory.at(R)
-    for name, values in found._asdict().items():
+    for name, values in matrices._asdict().items():
         setattr(structure, name, values.ctypes.data)
-    return found
+    return matrices
 
 
 def _functions(sensor: Any, n: int) -> tuple[int, int, Any] | None:

@@ -48,20 +48,20 @@ class NativeSensor(Numbered, Sensor):
     def measure(self, x: Array) -> Array:
         """Return the noise-free reading (..., k)."""
         k = self.output.size
-        found = self._c_called(self._c_library.readings, x, k)
-        if found is None or (x.ndim == 1 and not is_finite(found)):
+        readings = self._c_called(self._c_library.readings, x, k)
+        if readings is None or (x.ndim == 1 and not is_finite(readings)):
             return super().measure(x)  # type: ignore[safe-super]
-        return found.reshape(*x.shape[:-1], k)
+        return readings.reshape(*x.shape[:-1], k)
 
     def jacobian(self, x: Array) -> Array:
         """Return d measure / d x (..., k, n) at ``x`` (..., n)."""
         n, k = self._c_size, self.output.size
-        found = self._c_called(self._c_library.slopes, x, n * k)
-        if found is None:
+        slopes = self._c_called(self._c_library.slopes, x, n * k)
+        if slopes is None:
             return super().jacobian(x)
         points = x.reshape(-1, n)
-        H: Array = found.reshape(len(points), n, k).swapaxes(-1, -2)
-        if not is_finite(found):
+        H: Array = slopes.reshape(len(points), n, k).swapaxes(-1, -2)
+        if not is_finite(slopes):
             for at, original in self._c_lost(H, NativeSensor):
                 H[at] = original.jacobian(points[at])
         return H.reshape(*x.shape[:-1], k, n)
@@ -82,7 +82,7 @@ def native_sensor(sensor: Sensor, state: Space, *, wait: bool = True) -> Sensor:
     declare(library.readings)
     declare(library.slopes)
     output = native_space(sensor.output, wait=wait)
-    found: Sensor = derive(
+    derived: Sensor = derive(
         NativeSensor,
         sensor,
         native_sensor,
@@ -96,7 +96,7 @@ def native_sensor(sensor: Sensor, state: Space, *, wait: bool = True) -> Sensor:
         _c_turns=turns(output),
         **pointed(parameters.values),
     )
-    return found
+    return derived
 
 
 @lru_cache(maxsize=64)

@@ -62,10 +62,10 @@ def native_space(space: Space, *, wait: bool = True) -> Space:
     library = load(_space_source(space), wait=wait)
     for function in (library.arrive, library.subtract):
         function.argtypes, function.restype = [POINTER], None
-    found: Space = derive(
+    derived: Space = derive(
         NativeSpace, space, native_space, _c_arrive=library.arrive, _c_subtract=library.subtract
     )
-    return found
+    return derived
 
 
 def turns(space: Space) -> Array:

@@ -41,8 +41,8 @@ class Numbered:
         if not all(map(self._c_alike, every)):
             return None
         whole = copy(self)
-        sets = [each._c_numbers[:-1] for each in every]
-        if any(not np.array_equal(each, sets[0]) for each in sets):
+        sets = [member._c_numbers[:-1] for member in every]
+        if any(not np.array_equal(numbers, sets[0]) for numbers in sets):
             vars(whole).update(pointed(np.concatenate(sets)))
             whole._c_sets, whole._c_members = len(every), every
         return whole
@@ -50,14 +50,16 @@ class Numbered:
     def _c_alike(self, other: Any) -> bool:
         return getattr(other, '_c_library', None) is self._c_library and other._c_sets == 1
 
-    def _c_lost(self, found: Array, part: type) -> Iterator[tuple[int, Any]]:
+    def _c_lost(self, results: Array, part: type) -> Iterator[tuple[int, Any]]:
         """Yield the members whose results (members, ...) are not finite, with their originals.
 
         The original functions are those behind a ``part`` of the class. An exact derivative may
         not exist where a function that looks at its numbers has one.
         """
         members = self._c_members or [self]
-        for k in np.flatnonzero(~np.isfinite(found).all(axis=(*range(1, found.ndim),))).tolist():
+        for k in np.flatnonzero(
+            ~np.isfinite(results).all(axis=(*range(1, results.ndim),))
+        ).tolist():
             yield k, super(part, members[k % self._c_sets])
 
 

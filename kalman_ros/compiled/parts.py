@@ -36,14 +36,14 @@ class Parts(NamedTuple):
     @property
     def pending(self) -> list[str]:
         """What a C compiler has yet to do, for `library.load`."""
-        return [each.pending for each in self.outcomes.values() if each.pending]
+        return [outcome.pending for outcome in self.outcomes.values() if outcome.pending]
 
     @property
     def arithmetic(self) -> str:
         """What computes, and why it is not C: ``'C'``, ``'C; radar: numpy (...)'``."""
         groups: dict[tuple[str, str], list[str]] = {}
-        for name, each in self.outcomes.items():
-            groups.setdefault((each.arithmetic, each.reason), []).append(name)
+        for name, outcome in self.outcomes.items():
+            groups.setdefault((outcome.arithmetic, outcome.reason), []).append(name)
         words = []
         for (arithmetic, reason), names in groups.items():
             owner = f'{", ".join(names)}: ' if len(groups) > 1 else ''
@@ -86,11 +86,15 @@ def parts(
         return Parts(model, {**sensors}, {})
     every: dict[str, Dynamics | Sensor] = {'model': model, **sensors}
     tried = {
-        name: attempt(each, model.state, wait=wait, one_of_many=one_of_many)
-        for name, each in every.items()
+        name: attempt(part, model.state, wait=wait, one_of_many=one_of_many)
+        for name, part in every.items()
     }
     return Parts(
         tried['model'].result,
         {name: tried[name].result for name in sensors},
-        {name: each for name, each in tried.items() if each.arithmetic != NUMPY or each.reason},
+        {
+            name: outcome
+            for name, outcome in tried.items()
+            if outcome.arithmetic != NUMPY or outcome.reason
+        },
     )

@@ -47,10 +47,13 @@ class Rows(NamedTuple):
         """Return some of the readings."""
         start = int(self.first[begin])
         rows = slice(start, int(self.first[end - 1] + self.sizes[end - 1]))
-        each = (self.H, self.K, self.white, self.innovation)
+        arrays = (self.H, self.K, self.white, self.innovation)
         at = slice(begin, end)
         return Rows(
-            self.F[at], self.sizes[at], self.first[at] - start, *(values[rows] for values in each)
+            self.F[at],
+            self.sizes[at],
+            self.first[at] - start,
+            *(values[rows] for values in arrays),
         )
 
 

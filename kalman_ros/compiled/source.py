@@ -48,7 +48,7 @@ def source(
     generator = casadi.CodeGenerator('generated.c', {'with_header': False})
     wrappers = []
     for name, trace in traces.items():
-        by_rows = any(trace is each for each in sparse.values())
+        by_rows = any(trace is matrix for matrix in sparse.values())
         # a number that is always zero is left out by CasADi, but has its place in a vector
         stored = trace.result.T if by_rows else casadi.densify(trace.result)
         function = Trace(trace.variables, stored).function(f'generated_{name}')

@@ -87,10 +87,10 @@ def _arithmetic(name: str) -> Callable[[Symbol, Any], Any]:
     def apply(self: Symbol, other: Any) -> Any:
         if isinstance(other, np.ndarray):
             return NotImplemented
-        found = Symbol if name in _COUNTING else Truth
-        if found is Symbol and isinstance(self, Truth) and isinstance(other, (Truth, bool)):
+        kind = Symbol if name in _COUNTING else Truth
+        if kind is Symbol and isinstance(self, Truth) and isinstance(other, (Truth, bool)):
             raise UntraceableError('it computes with truths as if they were numbers')
-        return found(getattr(self.formula, name)(formula(other)))
+        return kind(getattr(self.formula, name)(formula(other)))
 
     return apply
 
@@ -181,11 +181,11 @@ _COMPARISONS = (np.less, np.less_equal, np.greater, np.greater_equal, np.equal, 
 
 def _elementwise(function: Callable[..., Any], inputs: Any) -> Symbols:
     """Apply a function of expressions to each element of arrays that broadcast."""
-    plain = [np.asarray(each, dtype=object) for each in inputs]
+    plain = [np.asarray(operand, dtype=object) for operand in inputs]
     broadcast = np.broadcast_arrays(*plain)
     whole = np.empty(broadcast[0].shape, dtype=object)
     for at in np.ndindex(whole.shape):
-        whole[at] = Symbol(function(*(formula(each[at]) for each in broadcast)))
+        whole[at] = Symbol(function(*(formula(operand[at]) for operand in broadcast)))
     return whole.view(Symbols)
 
 
@@ -225,21 +225,21 @@ class Symbols(np.ndarray[Any, Any]):
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
         where, out = options.pop('where', True), options.pop('out', (None,))
         if method == '__call__' and ufunc in _FUNCTIONS:
-            found: Any = _elementwise(_FUNCTIONS[ufunc], inputs)
+            result: Any = _elementwise(_FUNCTIONS[ufunc], inputs)
         elif method == 'reduce' and ufunc in _EXTREMES:
-            found = _extreme(ufunc, inputs[0], **options)
+            result = _extreme(ufunc, inputs[0], **options)
         else:
             if ufunc in _COMPARISONS:
                 options['dtype'] = object
-            found = getattr(ufunc, method)(*map(np.asarray, inputs), **options)
+            result = getattr(ufunc, method)(*map(np.asarray, inputs), **options)
         if where is not True:
             if out[0] is None:
                 raise UntraceableError('it leaves numbers open: where= without out=')
-            found = _elementwise(casadi.if_else, (where, found, out[0]))
-        found = np.asarray(found, dtype=object).view(Symbols)
+            result = _elementwise(casadi.if_else, (where, result, out[0]))
+        result = np.asarray(result, dtype=object).view(Symbols)
         if out[0] is not None:
-            out[0][...] = found
-        return found
+            out[0][...] = result
+        return result
 
     def __array_function__(self, function: Any, types: Any, inputs: Any, options: Any) -> Any:
         if function in _FUNCTIONS:
@@ -282,12 +282,14 @@ def _extreme(
     if initial not in (np._NoValue, None):
         raise UntraceableError('a maximum or minimum with initial=')
     rows = np.asarray(x).reshape(-1) if axis is None else np.moveaxis(np.asarray(x), axis, 0)
-    found = rows[0]
+    extreme = rows[0]
     for row in rows[1:]:
-        found = ufunc(_array(row) if isinstance(row, Symbol) else row.view(Symbols), found)
+        extreme = ufunc(_array(row) if isinstance(row, Symbol) else row.view(Symbols), extreme)
     if not keepdims:
-        return found
-    return np.reshape(found, (1,) * np.ndim(x)) if axis is None else np.expand_dims(found, axis)
+        return extreme
+    return (
+        np.reshape(extreme, (1,) * np.ndim(x)) if axis is None else np.expand_dims(extreme, axis)
+    )
 
 
 def by_ways(function: Callable[..., Any], *arguments: Any) -> Any:
@@ -297,7 +299,7 @@ def by_ways(function: Callable[..., Any], *arguments: Any) -> Any:
 
 def _either(condition: Any, results: Any, others: Any) -> Any:
     """Return results (...) where a condition holds, and others (...) where it does not."""
-    some, rest = (np.asarray(each, dtype=object) for each in (results, others))
+    some, rest = (np.asarray(values, dtype=object) for values in (results, others))
     if some.shape != rest.shape:
         raise UntraceableError('the size of its result depends on the state')
     return _elementwise(
@@ -310,5 +312,5 @@ def symbols(count: int) -> tuple[Any, Symbols]:
     """Return a vector of variables of CasADi, and the same as an array (count,)."""
     variables = casadi.SX.sym('v', count)
     whole = np.empty(count, dtype=object)
-    whole[:] = [Symbol(each) for each in variables.elements()]
+    whole[:] = [Symbol(variable) for variable in variables.elements()]
     return variables, whole.view(Symbols)

@@ -43,8 +43,8 @@ class Trace(NamedTuple):
 
     @staticmethod
     def _substituted(result: Any, variable: Any, value: Any) -> Any:
-        (found,) = casadi.substitute([result], [variable], [casadi.densify(casadi.SX(value))])
-        return casadi.sparsify(casadi.simplify(found))
+        (expression,) = casadi.substitute([result], [variable], [casadi.densify(casadi.SX(value))])
+        return casadi.sparsify(casadi.simplify(expression))
 
 
 def trace(function: Callable[..., Any], *probes: Sequence[Array]) -> Trace:
@@ -63,7 +63,7 @@ def trace(function: Callable[..., Any], *probes: Sequence[Array]) -> Trace:
         If it decides by values in too many ways, calls what is not numpy, or does not agree with
         its formulas.
     """
-    variables, vectors = zip(*(symbols(len(each)) for each in probes[0]))
+    variables, vectors = zip(*(symbols(len(argument)) for argument in probes[0]))
     try:
         formulas = _matrix(by_ways(function, *vectors))
     except UntraceableError:
@@ -71,9 +71,9 @@ def trace(function: Callable[..., Any], *probes: Sequence[Array]) -> Trace:
     except Exception as error:  # a function of a user may fail on symbols in any way
         first = str(error).partition('\n')[0]
         raise UntraceableError(f'{type(error).__name__}: {first}') from None
-    found = Trace([*variables], formulas)
-    agree(found, function, probes, _CLOSE, 'its formulas are not what it returns')
-    return found
+    recording = Trace([*variables], formulas)
+    agree(recording, function, probes, _CLOSE, 'its formulas are not what it returns')
+    return recording
 
 
 def _matrix(result: Any) -> Any:
@@ -89,17 +89,17 @@ def _matrix(result: Any) -> Any:
 
 
 def agree(
-    found: Trace,
+    formulas: Trace,
     function: Callable[..., Any],
     probes: Sequence[Sequence[Array]],
     tolerance: float,
     otherwise: str,
 ) -> None:
     """Raise UntraceableError where formulas are not what a function returns."""
-    evaluated = found.function('f')
+    evaluated = formulas.function('f')
     for probe in probes:
         with np.errstate(all='ignore'):
-            expected = np.asarray(function(*probe), dtype=float).reshape(found.result.shape)
+            expected = np.asarray(function(*probe), dtype=float).reshape(formulas.result.shape)
         values = np.array(evaluated(*probe))
         if not np.allclose(values, expected, rtol=tolerance, atol=tolerance, equal_nan=True):
             raise UntraceableError(otherwise)

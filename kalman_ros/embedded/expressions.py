@@ -116,15 +116,15 @@ def function(
         if operation in known:
             value = known[operation](k)
         elif operation in _OPERATIONS:
-            value = _OPERATIONS[operation].format(*(f'w{each}' for each in operands))
+            value = _OPERATIONS[operation].format(*(f'w{operand}' for operand in operands))
         else:
             raise ValueError(f'{name}: C has no function for an operation of its formulas')
         lines.append(f'w{to[0]} = {value};')
     size = computed.sz_w()
     variables = [f'real {", ".join(f"w{k}" for k in range(size))};'] if size else []
-    unused = [f'(void){each};' for k, each in enumerate(arguments) if k not in used]
+    unused = [f'(void){argument};' for k, argument in enumerate(arguments) if k not in used]
     if not any(line.startswith('result') for line in lines):
         unused.append('(void)result;')
-    parameters = ', '.join(f'const real *{each}' for each in arguments)
+    parameters = ', '.join(f'const real *{argument}' for argument in arguments)
     body = ''.join(f'    {line}\n' for line in (*variables, *unused, *lines))
     return f'static void {name}({parameters}, real *result)\n{{\n{body}}}\n'

@@ -99,12 +99,12 @@ class FilterInC(Filter):
         """Return beliefs as rows of x, P and what stands behind them, and the leading axes."""
         x, P = belief
         lead, n = x.shape[:-1], self._n
-        v = np.empty((*lead, self._whole + sum(each.shape[-1] for each in more)))
+        v = np.empty((*lead, self._whole + sum(block.shape[-1] for block in more)))
         v[..., :n], v[..., n : self._whole] = x, P.reshape(*P.shape[:-2], n * n)
         end = self._whole
-        for each in more:
-            v[..., end : end + each.shape[-1]] = each
-            end += each.shape[-1]
+        for block in more:
+            v[..., end : end + block.shape[-1]] = block
+            end += block.shape[-1]
         return v, lead
 
     def _predict_many(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
@@ -133,11 +133,11 @@ class SmoothableInC(FilterInC, SmoothableFilter):
     def linearized(self, belief: Gaussian, u: Array, dt: float) -> Prediction:
         """Return what `predict` does, with the F and Q of the whole step."""
         original: Any = self._original
-        found: Prediction = original.linearized(belief, u, dt)
-        return found
+        prediction: Prediction = original.linearized(belief, u, dt)
+        return prediction
 
 
-def in_c(scenario: Scenario, found: Estimation, *, wait: bool = True) -> Estimation:
+def in_c(scenario: Scenario, estimator: Estimation, *, wait: bool = True) -> Estimation:
     """Return an estimation with its filter in C.
 
     Without ``wait``, one that no earlier start has compiled is `Estimation.pending`, and the
@@ -150,8 +150,8 @@ def in_c(scenario: Scenario, found: Estimation, *, wait: bool = True) -> Estimat
     """
     refused = 'arithmetic: c is not possible here'
     try:
-        check_estimator(scenario, found)
-        loop = Loop(scenario, found, np.zeros(scenario.model.input.size), None)
+        check_estimator(scenario, estimator)
+        loop = Loop(scenario, estimator, np.zeros(scenario.model.input.size), None)
         source = filter_source(loop)
         library = load(source, wait=wait)
     except ValueError as error:
@@ -159,9 +159,11 @@ def in_c(scenario: Scenario, found: Estimation, *, wait: bool = True) -> Estimat
     except CompilerError as error:
         if wait or not compiler():
             raise ValueError(f'{refused}: {error}') from None
-        pending = [*found.pending, error.pending] if error.pending else found.pending
-        said = f'{found.arithmetic} (c: {error})'
-        return replace(found, arithmetic=said, pending=pending)
+        pending = [*estimator.pending, error.pending] if error.pending else estimator.pending
+        said = f'{estimator.arithmetic} (c: {error})'
+        return replace(estimator, arithmetic=said, pending=pending)
     places = {name: k for k, name in enumerate(loop.sensors)}
-    kind = SmoothableInC if isinstance(found.filter, SmoothableFilter) else FilterInC
-    return replace(found, filter=kind(found.filter, library, places), arithmetic='c', pending=())
+    kind = SmoothableInC if isinstance(estimator.filter, SmoothableFilter) else FilterInC
+    return replace(
+        estimator, filter=kind(estimator.filter, library, places), arithmetic='c', pending=()
+    )

@@ -50,7 +50,7 @@ def header_texts(loop: Loop, names: Names, precision: str, source: str) -> dict[
 
 def _fields(loop: Loop, names: Names, precision: str) -> dict[str, str]:
     n, m, law = loop.space.size, loop.idle.size, loop.law
-    allowed = {key: each.allowed for key, each in PRECISIONS.items()}
+    allowed = {key: entry.allowed for key, entry in PRECISIONS.items()}
     whole = {
         'summary': f'Precision: {precision}. Rate: {loop.rate:g} steps a second.',
         'real': PRECISIONS[precision].type,
@@ -66,15 +66,15 @@ def _fields(loop: Loop, names: Names, precision: str) -> dict[str, str]:
         'input_places': '',
         'model_fields': _model_fields(loop),
         'corrections': '\n'.join(
-            f'NAME_outcome NAME_correct_{own}(NAME_loop *loop, const NAME_real *y, '
+            f'NAME_outcome NAME_correct_{suffix}(NAME_loop *loop, const NAME_real *y, '
             'const NAME_real *R);'
-            for own in names.sensors.values()
+            for suffix in names.sensors.values()
         ),
         'cases': '\n'.join(
-            f'    case {k}: return NAME_correct_{own}(loop, y, R);'
-            for k, own in enumerate(names.sensors.values())
+            f'    case {k}: return NAME_correct_{suffix}(loop, y, R);'
+            for k, suffix in enumerate(names.sensors.values())
         ),
-        'sizes': ', '.join(str(each.output.size) for each in loop.sensors.values()),
+        'sizes': ', '.join(str(sensor.output.size) for sensor in loop.sensors.values()),
         'dt': repr(1.0 / loop.rate),
         'allowed': allowed['float64'],
         'allowed_float': allowed['float32'],
@@ -141,7 +141,7 @@ def _calls(loop: Loop) -> str:
 
 
 def _places(prefix: str, names: dict[str, str]) -> str:
-    return ',\n'.join(f'    {prefix}_{own} = {k}' for k, own in enumerate(names.values()))
+    return ',\n'.join(f'    {prefix}_{suffix} = {k}' for k, suffix in enumerate(names.values()))
 
 
 def _longest(loop: Loop) -> str:
@@ -173,15 +173,15 @@ def _model_fields(loop: Loop) -> str:
 
 def _sensor_lines(loop: Loop, names: Names) -> list[str]:
     lines = []
-    for name, each in loop.sensors.items():
+    for name, sensor in loop.sensors.items():
         signal = loop.scenario.sensors[name].signal
         turned = ', in the axes of the body' if signal.mounting.turned else ''
-        if isinstance(each, LeverArm):
-            place = ', '.join(f'{value:g}' for value in each.arm)
+        if isinstance(sensor, LeverArm):
+            place = ', '.join(f'{value:g}' for value in sensor.arm)
             turned += f', at its place, ({place}) m forward, left and up of the centre'
-        std = ', '.join(f'{value:g}' for value in np.sqrt(each.covariance.diagonal()))
+        std = ', '.join(f'{value:g}' for value in np.sqrt(sensor.covariance.diagonal()))
         lines.append(
-            f' *     {names.sensors[name]}: {comment(str(each.output))}{turned}; '
+            f' *     {names.sensors[name]}: {comment(str(sensor.output))}{turned}; '
             f'standard deviation {std}'
         )
     return lines

@@ -47,11 +47,11 @@ def identifier(argument: str, name: str) -> str:
 
 def part(argument: str, name: str) -> str:
     """Return what follows an underscore in an identifier; a dot becomes another underscore."""
-    found = name.replace('.', '_')
-    if not _PART.fullmatch(found):
+    suffix = name.replace('.', '_')
+    if not _PART.fullmatch(suffix):
         rule = 'up to 60 letters, digits and _'
         raise ValueError(f'{argument}: expected a name for C ({rule}), got {name!a}')
-    return found
+    return suffix
 
 
 def comment(text: str) -> str:
@@ -98,15 +98,15 @@ class Names:
     def by_number(cls, loop: Loop, name: str) -> Names:
         """Return names that C takes, whatever those of the scenario are."""
         listed = loop.sensors, loop.space.names, loop.scenario.model.input.names
-        found = ({each: f'n{k}' for k, each in enumerate(names)} for names in listed)
-        return cls(name, *found)
+        suffixes = ({label: f'n{k}' for k, label in enumerate(names)} for names in listed)
+        return cls(name, *suffixes)
 
 
 def _parts(argument: str, names: Iterable[str]) -> dict[str, str]:
-    found: dict[str, str] = {}
+    suffixes: dict[str, str] = {}
     for name in names:
-        own = part(argument, name)
-        if own in found.values():
-            raise ValueError(f"{argument}: expected names that differ in C, got '{own}' twice")
-        found[name] = own
-    return found
+        suffix = part(argument, name)
+        if suffix in suffixes.values():
+            raise ValueError(f"{argument}: expected names that differ in C, got '{suffix}' twice")
+        suffixes[name] = suffix
+    return suffixes

@@ -99,7 +99,7 @@ def _motion_texts(law: Law) -> list[str]:
         f'#define MOTION_STEP {motion.dt!r}\n#define DURATION {motion.duration!r}\n',
         numbers('MOTION_STATE', motion.states),
         numbers('MOTION_INPUT', motion.inputs),
-        *(f'#define MOTION_GAINS\n{numbers("MOTION_GAIN", each)}' for each in gains),
+        *(f'#define MOTION_GAINS\n{numbers("MOTION_GAIN", table)}' for table in gains),
         addition('model_sum', law.space),
     ]
 

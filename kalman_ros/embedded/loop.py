@@ -95,7 +95,7 @@ class Loop:
     @property
     def longest_reading(self) -> int:
         """The most numbers of a reading."""
-        return max(each.output.size for each in self.sensors.values())
+        return max(sensor.output.size for sensor in self.sensors.values())
 
     @property
     def sensors(self) -> dict[str, Sensor]:
@@ -151,8 +151,8 @@ def loop(
     for name, source in scenario.sensors.items():
         for option in source.weights:
             raise ValueError(f'{name}.{option}: expected none, since C has no such thing')
-    found = estimation(scenario, policy)
-    check_estimator(scenario, found)
+    estimator = estimation(scenario, policy)
+    check_estimator(scenario, estimator)
     m = scenario.model.input.size
     at_rest = np.zeros(m) if idle is None else idle
     law = None
@@ -160,7 +160,7 @@ def loop(
         law = replace(_law(scenario, limits or Limits.none(m), at_rest, motion), blend=blend)
     elif motion is not None:
         raise ValueError('motion: expected none without a law that follows it')
-    return Loop(scenario, found, at_rest, law)
+    return Loop(scenario, estimator, at_rest, law)
 
 
 def _enabled(scenario: Scenario) -> Scenario:
@@ -170,20 +170,20 @@ def _enabled(scenario: Scenario) -> Scenario:
     return replace(scenario, sensors=scenario.enabled)
 
 
-def check_estimator(scenario: Scenario, found: Estimation) -> None:
+def check_estimator(scenario: Scenario, estimator: Estimation) -> None:
     """Raise ValueError if an estimation cannot be one in C."""
-    model, kind = scenario.believed.model, type(found.filter)
+    model, kind = scenario.believed.model, type(estimator.filter)
     supported = kind in (KalmanFilter, ExtendedKalmanFilter, UnscentedKalmanFilter)
     if not supported and not issubclass(kind, FixedGainObserver):
         raise ValueError(
             f'filter: expected kf, ekf, ukf, steady_state or luenberger for C, '
             f'got {scenario.filter}'
         )
-    if np.isinf(found.initial.covariance).any():
+    if np.isinf(estimator.initial.covariance).any():
         raise ValueError('initial_std: expected finite ones for C, got an infinite one')
     if kind is UnscentedKalmanFilter:
         spaces = {'the state': model.state}
-        spaces |= {name: each.output for name, each in found.sensors.items()}
+        spaces |= {name: sensor.output for name, sensor in estimator.sensors.items()}
         for name, space in spaces.items():
             if space.rotations:
                 raise ValueError(

@@ -25,7 +25,7 @@ def model_texts(model: Any, *, points: bool) -> list[str]:
     if not model.is_linear:
         texts = _nonlinear_discrete(model) if model.is_discrete else _nonlinear(model)
         return [*texts, *([text('nonlinear_points.c')] if points else ())]
-    wrap = trace(model.state.wrap, *((each,) for each in probes(model.state.size)))
+    wrap = trace(model.state.wrap, *((probe,) for probe in probes(model.state.size)))
     linear = _discrete(model) if model.is_discrete else _continuous(model)
     return [function('wrap', wrap, ['x']), *linear, text('linear_model.c')]
 

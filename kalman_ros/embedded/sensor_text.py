@@ -23,17 +23,18 @@ def sensor_texts(loop: Loop, names: Names) -> list[str]:
     texts, rows = [text('sensors.c')], []
     gates = loop.estimation.policy.gates or {}
     filter: Any = loop.estimation.filter
-    if any(_may_be_differenced(each, loop.space) for each in loop.sensors.values()):
+    if any(_may_be_differenced(sensor, loop.space) for sensor in loop.sensors.values()):
         texts.append(text('differences.c'))
     for k, (name, sensor) in enumerate(loop.sensors.items()):
-        own, gain = str(k), '0'  # a name of a user may be that of another function
-        texts += [f'/* {names.sensors[name]} */\n', *_of_sensor(own, sensor, loop.space)]
+        suffix, gain = str(k), '0'  # a name of a user may be that of another function
+        texts += [f'/* {names.sensors[name]} */\n', *_of_sensor(suffix, sensor, loop.space)]
         if isinstance(filter, FixedGainObserver):
-            gain = f'GAIN_{own}'
+            gain = f'GAIN_{suffix}'
             texts.append(numbers(gain, np.asarray(filter.gains[name])))
         rows.append(
-            f'    {{{sensor.output.size}, COVARIANCE_{own}, {number(gates.get(name, 0.0))}, '
-            f'measure_{own}, jacobian_{own}, difference_{own}, {gain}, ANGLES_{own}}},\n'
+            f'    {{{sensor.output.size}, COVARIANCE_{suffix}, {number(gates.get(name, 0.0))}, '
+            f'measure_{suffix}, jacobian_{suffix}, difference_{suffix}, {gain}, '
+            f'ANGLES_{suffix}}},\n'
         )
     table = f'static const sensor SENSOR[] = {{\n{"".join(rows)}}};\n'
     return [*texts, table, _arrived(loop.space)]
@@ -52,30 +53,30 @@ def point_texts(filter: Any, space: Space) -> list[str]:
     ]
 
 
-def _of_sensor(own: str, sensor: Sensor, state: Space) -> list[str]:
+def _of_sensor(suffix: str, sensor: Sensor, state: Space) -> list[str]:
     parameters = Parameters(sensor)
     formulas = of_sensor(sensor, state, parameters)
     texts = [
-        numbers(f'NUMBERS_{own}', parameters.values),
-        difference(f'difference_{own}', sensor.output),
+        numbers(f'NUMBERS_{suffix}', parameters.values),
+        difference(f'difference_{suffix}', sensor.output),
     ]
     size = sensor.output.size
     elsewhere = (
         f'    if (!are_finite(result, {size} * N))\n'
-        f'        differenced(x, {size}, measure_{own}, difference_{own}, result);\n'
+        f'        differenced(x, {size}, measure_{suffix}, difference_{suffix}, result);\n'
     )
     for kind, formula in (('measure', formulas.measure), ('jacobian', formulas.jacobian)):
-        called, by_rows = f'{kind}_{own}', kind == 'jacobian'
+        called, by_rows = f'{kind}_{suffix}', kind == 'jacobian'
         texts.append(function(f'{called}_of', formula, ['x', 'p'], by_rows=by_rows))
         texts.append(
             f'static void {called}(const real *x, real *result)\n{{\n'
-            f'    {called}_of(x, NUMBERS_{own}, result);\n'
+            f'    {called}_of(x, NUMBERS_{suffix}, result);\n'
             f'{elsewhere if by_rows and _may_be_differenced(sensor, state) else ""}}}\n'
         )
     return [
         *texts,
-        numbers(f'COVARIANCE_{own}', sensor.covariance),
-        angles(f'ANGLES_{own}', sensor.output),
+        numbers(f'COVARIANCE_{suffix}', sensor.covariance),
+        angles(f'ANGLES_{suffix}', sensor.output),
     ]
 
 

@@ -54,9 +54,9 @@ def loop_files(loop: Loop, name: str, precision: str, source: str) -> dict[str, 
     names = Names.of(loop, name)
     law = () if loop.law is None else law_texts(loop.law, loop.rate)
     parts = [*_filter(loop, names, precision, _PLAIN), text('gate.c'), *law, text('estimator.c')]
-    for k, own in enumerate(names.sensors.values()):
+    for k, suffix in enumerate(names.sensors.values()):
         parts.append(
-            f'NAME_outcome NAME_correct_{own}(NAME_loop *s, const real *y, const real *R_y)\n'
+            f'NAME_outcome NAME_correct_{suffix}(NAME_loop *s, const real *y, const real *R_y)\n'
             f'{{\n    return correct(s, {k}, y, R_y);\n}}\n'
         )
     whole = {f'{name}.c': named('\n'.join(parts), name)}
@@ -67,9 +67,9 @@ def loop_files(loop: Loop, name: str, precision: str, source: str) -> dict[str, 
 def counting_files(files: Mapping[str, str], name: str) -> dict[str, str]:
     """Return files of a loop as C++ whose numbers count the operations on them, by name."""
     functions = ''.join(
-        f'{kind}({each}) '
+        f'{kind}({operation}) '
         for kind, names in (('OF_ONE', (*OF_ONE, 'fabs', 'log2')), ('OF_TWO', OF_TWO))
-        for each in names
+        for operation in names
     )
     counted = text('counted.hpp').replace('{{functions}}', functions)
     plain = files[f'{name}.c'].replace(PRECISIONS['float32'].functions, '')
@@ -106,9 +106,11 @@ def _without_numbers(loop: Loop) -> Loop:
 
     Those are the noise of sensors, the gates and the first belief.
     """
-    found = loop.estimation
-    first = Gaussian(np.zeros_like(found.initial.mean), np.zeros_like(found.initial.covariance))
-    plain = replace(found, initial=first, policy=Policy())
+    estimator = loop.estimation
+    first = Gaussian(
+        np.zeros_like(estimator.initial.mean), np.zeros_like(estimator.initial.covariance)
+    )
+    plain = replace(estimator, initial=first, policy=Policy())
     sources = {
         name: replace(source, timed=replace(source.timed, sensor=_noiseless(source.sensor)))
         for name, source in loop.scenario.sensors.items()
@@ -130,8 +132,8 @@ def _filter(loop: Loop, names: Names, precision: str, fast: str) -> list[str]:
 
 def _check_range(loop: Loop) -> None:
     """Raise ValueError where single precision cannot hold the square of a variance."""
-    found = {name: each.covariance for name, each in loop.sensors.items()}
-    for name, covariance in {'initial_std': loop.estimation.initial.covariance, **found}.items():
+    noise = {name: sensor.covariance for name, sensor in loop.sensors.items()}
+    for name, covariance in {'initial_std': loop.estimation.initial.covariance, **noise}.items():
         variances = covariance.diagonal()
         largest, least = _VARIANCES
         if np.any(variances > largest) or np.any((variances > 0.0) & (variances < least)):

@@ -51,7 +51,7 @@ PRECISIONS: Mapping[str, Precision] = {
         '5e-3f',
         '1e-2',
         # no number is promoted
-        ''.join(f'#undef {each}\n#define {each} {each}f\n' for each in FUNCTIONS),
+        ''.join(f'#undef {symbol}\n#define {symbol} {symbol}f\n' for symbol in FUNCTIONS),
     ),
 }
 
@@ -66,7 +66,7 @@ def named(contents: str, name: str) -> str:
     upper = f'{name.upper()}_'
     return re.sub(
         r'\bPREFIX_|(?<![A-Za-z0-9_])NAME(?=[_.]|\b)|(?<=lib)NAME(?=[.])',
-        lambda found: upper if found[0] == 'PREFIX_' else name,
+        lambda match: upper if match[0] == 'PREFIX_' else name,
         contents,
     )
 
@@ -90,13 +90,13 @@ def addition(name: str, space: Space) -> str:
 def difference(name: str, space: Space) -> str:
     """Return the function a - b of vectors of a space."""
     points = 0.3 * probes(space.size)
-    found = trace(space.subtract, *zip(points, points[::-1] + 0.1))
-    return function(name, found, ['a', 'b'])
+    formula = trace(space.subtract, *zip(points, points[::-1] + 0.1))
+    return function(name, formula, ['a', 'b'])
 
 
 def angles(name: str, space: Space) -> str:
     """Return the marks of the angles among the coordinates of a space."""
-    marks = ', '.join('1' if each in space.angles else '0' for each in space.names)
+    marks = ', '.join('1' if coordinate in space.angles else '0' for coordinate in space.names)
     return f'static const signed char {name}[] = {{{marks}}};\n'
 
 
@@ -104,8 +104,8 @@ def constant(name: str, matrix: Array, arguments: Sequence[str]) -> str:
     """Return a function that writes the numbers of a matrix that are not zero, row by row."""
     entries = matrix[np.nonzero(matrix)].tolist()
     body = ''.join(f'    result[{k}] = {number(value)};\n' for k, value in enumerate(entries))
-    unused = ''.join(f'    (void){each};\n' for each in arguments)
-    listed = ', '.join(f'const real *{each}' for each in arguments)
+    unused = ''.join(f'    (void){argument};\n' for argument in arguments)
+    listed = ', '.join(f'const real *{argument}' for argument in arguments)
     silent = '' if entries else '    (void)result;\n'
     return f'static void {name}({listed}, real *result)\n{{\n{unused}{silent}{body}}}\n'
 

@@ -220,8 +220,8 @@ def _reference(loop: Loop, random: np.random.Generator) -> Array:
     """Return a state near the one at rest, which may be one that no input holds."""
     law = loop.law
     assert law is not None
-    found = law.equilibria.nearest(0.1 * random.standard_normal(law.space.size))
-    return np.asarray(law.rest.state + found.state)
+    equilibrium = law.equilibria.nearest(0.1 * random.standard_normal(law.space.size))
+    return np.asarray(law.rest.state + equilibrium.state)
 
 
 def text(loop: Loop, calls: list[Call]) -> str:

@@ -56,7 +56,7 @@ class Written:
     def discard(self) -> None:
         """Remove the files, what was made of them, and the folder if nothing else is in it."""
         made = [f'{self.name}.o', f'lib{self.name}.a', 'check.out']
-        for file in [*self.files, *made, *(each.name for each in self.folder.glob('*.su'))]:
+        for file in [*self.files, *made, *(report.name for report in self.folder.glob('*.su'))]:
             (self.folder / file).unlink(missing_ok=True)
         if self.folder.is_dir() and not any(self.folder.iterdir()):
             self.folder.rmdir()
@@ -146,18 +146,18 @@ def write(
 
     if not 1 <= steps <= 1_000_000:
         raise ValueError(f'steps: expected 1 to 1000000, got {steps}')
-    found = loop_files(loop, name, precision, source)
+    files = loop_files(loop, name, precision, source)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ValueError(f"out: '{folder}' is there already: name another folder")
     motion = None if loop.law is None else loop.law.motion
     calls = [*recorded(loop, steps + (0 if motion is None else len(motion.states)))]
     if precision == 'float32':
         _check_resolution(loop, calls)
-    found['vectors.txt'] = text(loop, calls)
-    written = Written(folder, name, [*found], len(calls), precision)
+    files['vectors.txt'] = text(loop, calls)
+    written = Written(folder, name, [*files], len(calls), precision)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for file, contents in found.items():
+        for file, contents in files.items():
             (folder / file).write_text(contents)
     except OSError as error:
         with suppress(OSError):
@@ -168,8 +168,8 @@ def write(
 
 def _check_resolution(loop: Loop, calls: Sequence[Call]) -> None:
     """Raise ValueError where single precision is coarse beside the deviation of an estimate."""
-    largest = np.max([np.abs(each.mean) for each in calls], axis=0)
-    stds = np.array([each.std for each in calls])
+    largest = np.max([np.abs(call.mean) for call in calls], axis=0)
+    stds = np.array([call.std for call in calls])
     least = np.min(np.where(stds > 0.0, stds, np.inf), axis=0)
     coarse = _SINGLE * largest
     for name, step, value, std in zip(loop.space.names, coarse, largest, least):
@@ -212,8 +212,8 @@ def _built(written: Written) -> Built:
     difference = out.rpartition('largest difference ')[2].partition(' ')[0]
     usage = here / f'{name}.su'
     stack = _frames(usage) if usage.exists() else None
-    for each in here.glob('*.su'):
-        each.unlink()
+    for report in here.glob('*.su'):
+        report.unlink()
     _run(here, ['make', 'clean'])
     return Built(
         ' '.join(command),

@@ -289,7 +289,7 @@ def _finding(case: Examination, name: str, courses: dict[int, Course], limits: A
         """Return the walk with its likelihood, and without it a path that is drawn."""
         indices, length = list(courses), float(limits[1] - limits[0])
         densities = np.array([course.density for course in courses.values()]) / length
-        record, coarse = evidence.sensors[name], replace(found, exact=None)
+        record, coarse = evidence.sensors[name], replace(finding, exact=None)
         if len(case.passage.events) > _LONGEST:
             return coarse
         try:
@@ -310,11 +310,11 @@ def _finding(case: Examination, name: str, courses: dict[int, Course], limits: A
             value[:, index] -= np.interp(record.stamp, times, path[:, column])
         without = evidence.with_values(name, value)
         return replace(
-            found, gain=gain, is_exact=True, exact=None, mended=lambda: without, again=None
+            finding, gain=gain, is_exact=True, exact=None, mended=lambda: without, again=None
         )
 
     walks = main.kind == 'walk' and all(course.kind == 'walk' for course in courses.values())
-    found = Finding(
+    finding = Finding(
         kind, name,
         f'readings of {name} are off: {words}. Calibrate it, or let the estimator follow it '
         '(bias_std).',
@@ -323,7 +323,7 @@ def _finding(case: Examination, name: str, courses: dict[int, Course], limits: A
         figure=Figure(f'{name}: its offset', 'time [s]', 'offset', curves), mended=mended,
         again=again, exact=exact if walks else None, most=SUREST if walks else 1.0,
     )  # fmt: skip
-    return found
+    return finding
 
 
 def _constant(
@@ -341,13 +341,13 @@ def _constant(
     }
     if not about:
         return None
-    found = _finding(case, name, about, limits)
-    assert found.mended is not None
+    finding = _finding(case, name, about, limits)
+    assert finding.mended is not None
     try:
-        gain = explained(case.passage, Examination(found.mended()).passage)
+        gain = explained(case.passage, Examination(finding.mended()).passage)
     except np.linalg.LinAlgError:
         return None
-    return replace(found, gain=gain, z=max(gain, 0.0) ** 0.5)
+    return replace(finding, gain=gain, z=max(gain, 0.0) ** 0.5)
 
 
 def _numbers_of(kind: str) -> int:

@@ -31,8 +31,8 @@ def find(case: Examination) -> list[Finding]:
     Least-Squares Estimation, IEEE Trans. Automatic Control 13(6), 1968). Whatever the model lacks
     correlates them, too: this is for a pass in which nothing else is left to be explained.
     """
-    found = [_find(case, *pair) for pair in combinations(case.judged, 2)]
-    return [finding for finding in found if finding is not None]
+    findings = [_find(case, *pair) for pair in combinations(case.judged, 2)]
+    return [finding for finding in findings if finding is not None]
 
 
 def clearest(before: Sequence[Finding], after: Sequence[Finding]) -> list[Finding]:
@@ -56,7 +56,7 @@ def _find(case: Examination, one: str, other: str) -> Finding | None:
     correlation = float(np.clip(r[i, j], -0.999999, 0.999999))
     gain = -len(A) * log1p(-(correlation**2))
     apart = max(_mean_product(A[1:, i], B[:-1, j]), _mean_product(A[:-1, i], B[1:, j]))
-    in_time = max(_mean_product(each[1:], each[:-1]) for each in (A[:, i], B[:, j]))
+    in_time = max(_mean_product(series[1:], series[:-1]) for series in (A[:, i], B[:, j]))
     if gain < CHANCE or abs(correlation) < max(_RELEVANT, _MORE * apart, _ALONE * in_time):
         return None
     sensors = case.evidence.scenario.sensors

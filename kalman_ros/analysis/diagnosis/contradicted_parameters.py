@@ -35,31 +35,32 @@ def find(case: Examination) -> list[Finding]:
         fit = case.responses.alone(column)
         if fit.gain < CHANCE or not np.isfinite(fit.size[0]):
             continue
-        found = parameter(case.evidence, name)
-        finding = _changed(case, found, fit, found.value)
+        candidate = parameter(case.evidence, name)
+        finding = _changed(case, candidate, fit, candidate.value)
         if finding is not None:
             findings.append(finding)
     return findings
 
 
 def _changed(
-    case: Examination, found: Parameter, fit: Fit, configured: float, before: float = 1.0
+    case: Examination, candidate: Parameter, fit: Fit, configured: float, before: float = 1.0
 ) -> Finding | None:
     """Return the finding that a parameter is a fitted step away; None if that is invalid.
 
-    A factor that is ``found`` multiplies what an earlier step left, ``before`` times the first.
+    A ``candidate`` that is a factor multiplies what an earlier step left, ``before`` times the
+    first.
 
     A step beyond the range of a parameter, such as below zero, is taken in its logarithm, and so
     is one after which the filter does not explain what it promises: then in shares, too.
     """
-    trials = [found.value + float(fit.size[0])]
-    if found.value:
-        step = min(max(float(fit.size[0]) / found.value, -_FARTHEST), _FARTHEST)
-        trials += [found.value * exp(share * step) for share in _SHARES]
-    valid = [each for each in trials if _is_valid(case.evidence, found.change(each))]
+    trials = [candidate.value + float(fit.size[0])]
+    if candidate.value:
+        step = min(max(float(fit.size[0]) / candidate.value, -_FARTHEST), _FARTHEST)
+        trials += [candidate.value * exp(share * step) for share in _SHARES]
+    valid = [value for value in trials if _is_valid(case.evidence, candidate.change(value))]
     if not valid:
         return None
-    steps = [_stepped(case, found, fit, each, configured, before) for each in valid]
+    steps = [_stepped(case, candidate, fit, value, configured, before) for value in valid]
 
     def best() -> Finding:
         explains, first = tested(case, steps[0])
@@ -71,11 +72,16 @@ def _changed(
 
 
 def _stepped(
-    case: Examination, found: Parameter, fit: Fit, fitted: float, configured: float, before: float
+    case: Examination,
+    candidate: Parameter,
+    fit: Fit,
+    fitted: float,
+    configured: float,
+    before: float,
 ) -> Finding:
     """Return the finding that a parameter has a fitted value."""
-    name, change, std = found.name, found.change(fitted), before * float(fit.std[0])
-    factor = before * fitted if found.row else 1.0
+    name, change, std = candidate.name, candidate.change(fitted), before * float(fit.std[0])
+    factor = before * fitted if candidate.row else 1.0
 
     def again(after: Examination) -> Finding | None:
         more = after.responses.first('parameter', name)
@@ -84,10 +90,10 @@ def _stepped(
         return _changed(after, parameter(after.evidence, name), more, configured, factor)
 
     wrong = f'{name}: {fitted:.4g} ± {std:.1g} fits, {configured:g} is configured.'
-    if found.row:
+    if candidate.row:
         wrong = (
-            f'the row of {found.row} in A and B: {factor:.4g} ± {std:.1g} times that row fits, as '
-            'with another mass or time constant.'
+            f'the row of {candidate.row} in A and B: {factor:.4g} ± {std:.1g} times that row '
+            'fits, as with another mass or time constant.'
         )
     return Finding(
         'parameter',

@@ -297,8 +297,8 @@ def _beside(best: Finding, finding: Finding, trials: Trials) -> Finding | None:
 
 def _promised(case: Examination, detectors: Sequence[Detector], dimension: float) -> list[Finding]:
     """Return the findings of detectors with what each promises, the most promising first."""
-    found = (finding for detector in detectors for finding in _found(detector, case))
-    promised = (replace(f, gain=f.gain - dimension * f.parameters) for f in found)
+    findings = (finding for detector in detectors for finding in _found(detector, case))
+    promised = (replace(f, gain=f.gain - dimension * f.parameters) for f in findings)
     return sorted(promised, key=_gain, reverse=True)
 
 
@@ -336,8 +336,8 @@ def _from_the_beginning(case: Examination) -> list[Finding]:
         return []
     first = gross.beginning(case)
     ratio = len(case.passage.events) / len(first.passage.events)
-    found = (finding for detector in SIMPLE for finding in detector(first))
-    scaled = (replace(finding, gain=ratio * finding.gain) for finding in found)
+    findings = (finding for detector in SIMPLE for finding in detector(first))
+    scaled = (replace(finding, gain=ratio * finding.gain) for finding in findings)
     return sorted(scaled, key=_gain, reverse=True)[:_EARLY]
 
 

@@ -64,8 +64,8 @@ class Examination:
         if self.given or 'responses' in vars(self) or not {*inputs}.isdisjoint(subjects):
             return self
         tones = self.tones if self.evidence.sensors.keys().isdisjoint(subjects) else None
-        found = columns(self.evidence, self.passage, tones, subjects)
-        return replace(self, known=self.passage, given=responses(self.passage, found))
+        fault_columns = columns(self.evidence, self.passage, tones, subjects)
+        return replace(self, known=self.passage, given=responses(self.passage, fault_columns))
 
     @cached_property
     def scores(self) -> NoiseScores:

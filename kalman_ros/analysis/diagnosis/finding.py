@@ -173,7 +173,7 @@ class Finding:
         """Sensors whose readings it changes, or what is no sensor."""
         if self.kind == 'parameter':  # which may be that of a sensor
             return (self.subject,)
-        return tuple(each.partition('.')[0] for each in self.subject.split(' and '))
+        return tuple(subject.partition('.')[0] for subject in self.subject.split(' and '))
 
     @property
     def cautious(self) -> bool:

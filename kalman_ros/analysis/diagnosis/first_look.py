@@ -37,11 +37,11 @@ def part(evidence: Evidence) -> tuple[Evidence, float, float] | None:
     onset = begins(excess) if len(evidence.beliefs.time) else None
     first = 0 if onset is None or onset < READINGS else min(onset, len(times) - READINGS)
     begin, end = times[first], times[min(first + READINGS, len(times) - 1)]
-    found = evidence.between(begin, end)
+    excerpt = evidence.between(begin, end)
     if first:
         belief = _belief_before(evidence, begin)
-        found = replace(found, scenario=replace(found.scenario, initial_belief=belief))
-    return found, float(begin - evidence.start), float(end - evidence.start)
+        excerpt = replace(excerpt, scenario=replace(excerpt.scenario, initial_belief=belief))
+    return excerpt, float(begin - evidence.start), float(end - evidence.start)
 
 
 def begins(excess: Array) -> int | None:

@@ -68,12 +68,12 @@ def _is_as_usual(case: Examination, name: str, record: SensorRecord, rows: Array
     kept = np.setdiff1d(np.arange(len(record)), rows[1:-1])
     rest = case.evidence.with_sensor(name, record.select(kept))
     last = float(record.stamp[rows[-1]])
-    found = passage(rest, last, strict=False)
-    if name not in found.names or found.series('time', name)[-1] < last - 1e-9:
+    filter_pass = passage(rest, last, strict=False)
+    if name not in filter_pass.names or filter_pass.series('time', name)[-1] < last - 1e-9:
         return False
-    nu, S = (found.series(field, name)[-1] for field in ('innovation', 'S'))
+    nu, S = (filter_pass.series(field, name)[-1] for field in ('innovation', 'S'))
     levels = [np.unique(column[np.isfinite(column)]) for column in record.value.T]
-    step = np.array([np.diff(each).min(initial=np.inf) for each in levels])
+    step = np.array([np.diff(values).min(initial=np.inf) for values in levels])
     return bool((np.abs(nu) < step + _WITHIN * np.sqrt(S.diagonal())).all())
 
 

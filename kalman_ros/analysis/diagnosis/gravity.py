@@ -65,14 +65,14 @@ def _shortest(read: Array, vertical: Array) -> Array:
 def _turned(case: Examination, name: str, force: Array, mount: Array, angle: float) -> Finding:
     """Return the finding that an instrument is turned by an angle, and mounted so."""
     evidence, option = case.evidence, f'{name}.mount.rotation'
-    angles = [round(float(each), 3) for each in rotations.to_euler(mount)]
+    angles = [round(float(euler_angle), 3) for euler_angle in rotations.to_euler(mount)]
     change = {option: angles}
     try:
         evidence.adopting(change)
     except ValueError:  # its fields have no axes
         change = {}
     main = int(np.argmax(np.abs(force)))
-    words = ', '.join(f'{each:.3g}' for each in force.tolist())
+    words = ', '.join(f'{component:.3g}' for component in force.tolist())
     side = 'up' if force[main] > 0.0 else 'down'
     return Finding(
         'rotated', name,

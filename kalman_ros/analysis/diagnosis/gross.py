@@ -99,7 +99,9 @@ def _onset(case: Examination) -> float:
     A robot at rest follows the model whatever the scale of a rate gyro is.
     """
     passage = case.passage
-    sums, numbers = (np.cumsum(each[:_MOST_EVENTS]) for each in (passage.square, passage.sizes))
+    sums, numbers = (
+        np.cumsum(values[:_MOST_EVENTS]) for values in (passage.square, passage.sizes)
+    )
     beyond = np.flatnonzero(sums > _LOST * np.maximum(numbers, _FEW))
     return float(passage.series('time')[beyond[0] if len(beyond) else 0])
 

@@ -75,7 +75,7 @@ def columns(
     changed, state = _state_columns(evidence, passage, numbers)
     labels += [*pushed, *changed]
     for name, blocks in readings.items():
-        if any(name in each.sensors for each in numbers):
+        if any(name in number.sensors for number in numbers):
             added = _read_parameters(evidence, passage, name, numbers)
             blocks.append((len(labels) - len(numbers), added))
     offset, offsets = ([], {}) if subjects else _offsets(passage, passage.names, edges(passage))
@@ -92,17 +92,17 @@ def _offsets(
     all those of a piece, then those of the next one.
     """
     sizes = {name: passage.series('innovation', name).shape[1] for name in names}
-    each = [(name, str(i)) for name, k in sizes.items() for i in range(k)]
+    coordinates = [(name, str(i)) for name, k in sizes.items() for i in range(k)]
     labels: list[tuple[str, ...]] = [
-        ('offset', *of, str(b)) for b in range(len(limits) - 1) for of in each
+        ('offset', *of, str(b)) for b in range(len(limits) - 1) for of in coordinates
     ]
-    found, first = {}, 0
+    offsets, first = {}, 0
     for name, k in sizes.items():
         piece = np.searchsorted(limits, passage.series('time', name), 'right') - 1
-        start = len(each) * np.clip(piece, 0, len(limits) - 2)
-        found[name] = start[:, None] + first + np.arange(k)
+        start = len(coordinates) * np.clip(piece, 0, len(limits) - 2)
+        offsets[name] = start[:, None] + first + np.arange(k)
         first += k
-    return labels, found
+    return labels, offsets
 
 
 def offset_responses(passage: Passage, name: str, limits: Array) -> Responses:
@@ -162,7 +162,7 @@ def walks(evidence: Evidence, passage: Passage, name: str) -> bool:
     predicted = evidence.sensors[name].value[index] - nu
     rates = _rates(evidence, passage, name)
     by_rates = np.cumsum(rates * np.diff(times, prepend=times[:1])[:, None], axis=0)
-    moved, expected = (np.diff(each[::_SPAN], axis=0) for each in (predicted, by_rates))
+    moved, expected = (np.diff(values[::_SPAN], axis=0) for values in (predicted, by_rates))
     if not len(moved):
         return False
     size = np.median(moved**2, axis=0)
@@ -198,7 +198,7 @@ def displaced(scenario: Scenario, name: str, X: Array) -> Array | None:
         )
     except ValueError:
         return None
-    added = np.stack([(each - at_centre) for each in displaced], axis=-1)
+    added = np.stack([(reading - at_centre) for reading in displaced], axis=-1)
     added[:, :, np.ptp(added, axis=0).max(axis=0) < 1e-6] = 0.0
     return added
 
@@ -216,8 +216,8 @@ def _pushes(
     labels: list[tuple[str, ...]] = []
     effects, amounts = [], []
     for index, name in enumerate(model.input.names):
-        own, pushes = _input_columns(evidence, passage, index, tones)
-        labels += [(kind, name, *rest) for kind, *rest in own]
+        input_labels, pushes = _input_columns(evidence, passage, index, tones)
+        labels += [(kind, name, *rest) for kind, *rest in input_labels]
         effects.append(effect(model, X, U, index) * dt)
         amounts.append(pushes)
     if not labels:
@@ -241,7 +241,7 @@ def _state_columns(
         if changed is not model:
             state[:, :, n + index] = (changed.time_derivative(X, U) - rates) / size * dt
     firsts = [('first', name) for name in model.state.names]
-    return [*firsts, *(('parameter', each.parameter.name) for each in numbers)], state
+    return [*firsts, *(('parameter', number.parameter.name) for number in numbers)], state
 
 
 def _read_parameters(

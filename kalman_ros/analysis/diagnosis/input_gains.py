@@ -25,7 +25,7 @@ def find(case: Examination) -> list[Finding]:
     """Return the inputs that act with the wrong sign, or with another gain."""
     names = case.evidence.scenario.model.input.names
     columns = {i: case.responses.columns('gain', name) for i, name in enumerate(names)}
-    alone = {i: case.responses.alone(each[0]) for i, each in columns.items() if each}
+    alone = {i: case.responses.alone(indices[0]) for i, indices in columns.items() if indices}
     shown = {i: float(fit.size[0]) for i, fit in alone.items() if fit.gain >= CHANCE}
     reversed = [i for i, size in shown.items() if size < _REVERSED]
     others = [i for i, size in shown.items() if abs(size) >= _RELEVANT and size >= _REVERSED]

@@ -135,21 +135,21 @@ def _find_delays(case: Examination) -> list[Finding]:
     """
     findings = []
     for index, name in enumerate(case.evidence.scenario.model.input.names):
-        found = _delay(case, name)
-        if found is None or found.gain < CHANCE or found.weight <= 0.0:
+        estimate = _delay(case, name)
+        if estimate is None or estimate.gain < CHANCE or estimate.weight <= 0.0:
             continue
-        delay, column = found.seconds, case.evidence.inputs.value[:, index]
-        lost = column + min(found.weight, 1.0) * (_later(case, index, found.lag) - column)
-        each = Finding(
+        delay, column = estimate.seconds, case.evidence.inputs.value[:, index]
+        lost = column + min(estimate.weight, 1.0) * (_later(case, index, estimate.lag) - column)
+        finding = Finding(
             'input delay', name,
             f'the input {name} acts {delay:.3g} s after its command on average: a delay of the '
             'actuator, or commands that are lost while the one before stays in effect.',
-            found.gain**0.5, gain=found.gain,
+            estimate.gain**0.5, gain=estimate.gain,
             mended=partial(_with_input, case.evidence, index, lost),
         )  # fmt: skip
         pure = partial(_with_input, case.evidence, index, _later(case, index, delay))
-        both = each, replace(each, mended=pure)
-        findings.append(replace(each, exact=partial(likelier, case, *both)))
+        both = finding, replace(finding, mended=pure)
+        findings.append(replace(finding, exact=partial(likelier, case, *both)))
     return findings
 
 
@@ -172,7 +172,10 @@ def _delay(case: Examination, *name: str) -> _Delay | None:
     lags: dict[str, list[int]] = {}
     for column in case.responses.columns('lag', *name):
         lags.setdefault(case.responses.labels[column][2], []).append(column)
-    fits = {lag: case.responses.fit(np.ones((len(each), 1)), each) for lag, each in lags.items()}
+    fits = {
+        lag: case.responses.fit(np.ones((len(columns), 1)), columns)
+        for lag, columns in lags.items()
+    }
     if not fits:
         return None
     lag, fit = max(fits.items(), key=lambda item: item[1].gain)
@@ -191,11 +194,11 @@ def _find_late(case: Examination) -> Iterator[Finding]:
 
     If the filter does not fit, it is searched by passes, too, and may be negative.
     """
-    found = _delay(case)
-    if found is None:
+    estimate = _delay(case)
+    if estimate is None:
         return
-    if found.gain >= CHANCE and found.weight > 0.0:
-        yield _late(case.evidence, found.seconds, found.std * found.lag, found.gain)
+    if estimate.gain >= CHANCE and estimate.weight > 0.0:
+        yield _late(case.evidence, estimate.seconds, estimate.std * estimate.lag, estimate.gain)
     if case.passage.mean_square > MISFIT:
         search = TimeSearch(case, case.evidence.with_late_inputs, explained_in_both)
         fit = search.likeliest(max(1.0 / case.evidence.scenario.rate, _SOONEST))
@@ -238,8 +241,8 @@ def _find_dead_zones(case: Examination) -> list[Finding]:
     for index, name in enumerate(case.evidence.scenario.model.input.names):
         columns = case.responses.columns('dead', name)
         fits = [(case.responses.alone(column), column) for column in columns]
-        near = [each for each in fits if _DEAD_SHARE[0] < each[0].size[0] < _DEAD_SHARE[1]]
-        fit, column = max(near, key=lambda each: each[0].gain, default=(None, 0))
+        near = [pair for pair in fits if _DEAD_SHARE[0] < pair[0].size[0] < _DEAD_SHARE[1]]
+        fit, column = max(near, key=lambda pair: pair[0].gain, default=(None, 0))
         if fit is None or fit.gain < CHANCE:
             continue
         zone = float(fit.size[0]) * float(case.responses.labels[column][2])

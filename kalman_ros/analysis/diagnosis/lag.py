@@ -42,15 +42,15 @@ def find(case: Examination) -> list[Finding]:
         constants = np.geomspace(_SHORTEST * interval, longest, _COUNT)
         gain, tau, std = _likeliest(case.passage, case.evidence, name, constants)
         if gain > CHANCE:
-            found = _finding(case, case.evidence, name, gain, tau, std)
-            findings.append(replace(found, exact=partial(_nearer, found)))
+            finding = _finding(case, case.evidence, name, gain, tau, std)
+            findings.append(replace(finding, exact=partial(_nearer, finding)))
     return findings
 
 
-def _nearer(found: Finding) -> Finding:
+def _nearer(finding: Finding) -> Finding:
     """Return the finding about the pass that it corrects, since its predictions lag, too."""
-    assert found.mended is not None and found.again is not None
-    return found.again(Examination(found.mended())) or found
+    assert finding.mended is not None and finding.again is not None
+    return finding.again(Examination(finding.mended())) or finding
 
 
 def _likeliest(
@@ -64,11 +64,11 @@ def _likeliest(
     added = behind(passage, evidence, name, [before, *constants])
     block = added[:, :, 1:] - added[:, :, :1]
     labels = [(str(index),) for index in range(block.shape[2])]
-    found = responses(passage, Columns(labels, {name: [(0, block)]}))
-    gains = 2.0 * found.gradient - found.information.diagonal()
+    regression = responses(passage, Columns(labels, {name: [(0, block)]}))
+    gains = 2.0 * regression.gradient - regression.information.diagonal()
     best = int(np.argmax(gains))
     other = best - 1 if best else best + 1
-    M = found.information
+    M = regression.information
     apart = M[best, best] + M[other, other] - 2.0 * M[best, other]
     std = abs(constants[best] - constants[other]) / max(float(apart), 1e-300) ** 0.5
     return float(gains[best]), float(constants[best]), float(std)

@@ -125,14 +125,14 @@ def restated(evidence: Evidence, findings: Sequence[Finding]) -> list[Finding]:
     for finding in findings:
         if finding.level is not None:
             changes.setdefault(finding.level.sensor, []).append(finding)
-    found = list[Finding]()
+    merged = list[Finding]()
     for finding in _densities_joined(findings):
         level = finding.level
         if level is None or len(changes[level.sensor]) == 1:
-            found.append(finding)
+            merged.append(finding)
         elif finding is changes[level.sensor][0]:
-            found += _joined(evidence, changes[level.sensor])
-    return found
+            merged += _joined(evidence, changes[level.sensor])
+    return merged
 
 
 def _densities_joined(findings: Sequence[Finding]) -> Iterator[Finding]:
@@ -150,33 +150,34 @@ def _densities_joined(findings: Sequence[Finding]) -> Iterator[Finding]:
 
 def _net(changes: Sequence[Finding]) -> Iterator[Finding]:
     """Yield the finding that changes of one process noise in turn come to, if it is relevant."""
-    levels = [each.density for each in changes if each.density is not None]
+    levels = [finding.density for finding in changes if finding.density is not None]
     factor = float(np.prod([level.factor for level in levels]))
     net = levels[-1]._replace(factor=factor, spread=max(level.spread for level in levels))
     if abs(np.log(factor)) > np.log(_RELEVANT):
-        gain = sum(each.gain for each in changes)
+        gain = sum(finding.gain for finding in changes)
         yield replace(
-            max(changes, key=lambda each: each.gain), **_density_stated(net), density=net,
-            gain=gain, z=gain**0.5, certainty=max(each.certainty for each in changes), same_as=(),
+            max(changes, key=lambda finding: finding.gain), **_density_stated(net), density=net,
+            gain=gain, z=gain**0.5, certainty=max(finding.certainty for finding in changes),
+            same_as=(),
         )  # fmt: skip
 
 
 def _joined(evidence: Evidence, changes: Sequence[Finding]) -> Iterator[Finding]:
     """Yield the findings that changes of the noise of one sensor in turn come to."""
-    levels = [each.level for each in changes if each.level is not None]
+    levels = [finding.level for finding in changes if finding.level is not None]
     last = levels[-1]._replace(spread=max(level.spread for level in levels))
     declared = _declared(evidence.sensors[last.sensor])
     gains = np.zeros(len(declared))
     for finding, level in zip(changes, levels):
         gains[level.indices] += finding.gain / len(level.indices)
-    largest = max(changes, key=lambda each: each.gain)
-    sure = max(each.certainty for each in changes)
+    largest = max(changes, key=lambda finding: finding.gain)
+    sure = max(finding.certainty for finding in changes)
     others = tuple(
         (kind, subject)
         for kind, subject in largest.same_as
         if not kind.startswith('noise too') or subject.partition('.')[0] != last.sensor
     )
-    lines = {name: value for each in changes for name, value in each.change.items()}
+    lines = {name: value for finding in changes for name, value in finding.change.items()}
     changed = np.bincount([i for level in levels for i in level.indices], minlength=len(gains)) > 0
     logs = np.where(changed, np.log(last.after / declared), 0.0)
     ways = (np.flatnonzero(way * logs > np.log(_RELEVANT)).tolist() for way in (1.0, -1.0))
@@ -198,7 +199,7 @@ def withheld(
     Errors that are alike in time scatter less from one reading to the next than they are, and
     rounded readings at rest do not scatter.
     """
-    alike = {each.subject for each in (*findings, *notes) if each.kind in _ALIKE_IN_TIME}
+    alike = {finding.subject for finding in (*findings, *notes) if finding.kind in _ALIKE_IN_TIME}
     sensors = {subject.partition('.')[0] for subject in alike}
 
     def kept(finding: Finding) -> Finding:
@@ -280,8 +281,8 @@ def _with_covariance(evidence: Evidence, name: str, covariance: Array) -> Eviden
 def _process_finding(
     case: Examination, name: str, factor: float, gain: float, spread: float
 ) -> list[Finding]:
-    found = parameter(case.evidence, name)
-    change = found.change(found.value * factor**2)
+    density = parameter(case.evidence, name)
+    change = density.change(density.value * factor**2)
     try:
         mended = case.evidence.adopting(change)
     except ValueError:

@@ -126,7 +126,7 @@ def _rows(full: Mapping[str, Any], C: list[str]) -> Iterator[Parameter]:
         if np.count_nonzero(np.hstack((A, B))[index]) < 2:
             continue  # that factor is one of a single number
         this = np.arange(n) == index
-        masks = [this, this, *(np.all(each == A[index], axis=1) for each in others)]
+        masks = [this, this, *(np.all(matrix == A[index], axis=1) for matrix in others)]
         given = partial(_with_rows, keys, (A, B, *others), masks)
         yield Parameter(f'A[{state}]', 1.0, given, state)
 
@@ -143,7 +143,7 @@ def _with_rows(
 
 
 def _multiplied(keys: list[str], value: list[float], factor: float) -> dict[str, Any]:
-    return {key: [factor * each for each in value] for key in keys}
+    return {key: [factor * entry for entry in value] for key in keys}
 
 
 def _with_entry(keys: list[str], value: list[float], index: int, new: float) -> dict[str, Any]:
@@ -156,29 +156,31 @@ def _is_number(value: Any) -> bool:
 
 def _rounded(value: Any, before: Any, digits: int) -> Any:
     if isinstance(value, list):
-        return [_rounded(*each, digits) for each in zip(value, before)]
+        return [_rounded(*pair, digits) for pair in zip(value, before)]
     return value if value == before else float(f'{value:.{digits}g}')
 
 
 def parameter(evidence: Evidence, name: str) -> Parameter:
     """Return the number with a name."""
-    return next(each for each in parameters(evidence) if each.name == name)
+    return next(candidate for candidate in parameters(evidence) if candidate.name == name)
 
 
 def varied(evidence: Evidence) -> Iterator[Varied]:
     """Yield each number with a changed value."""
     scenario, full = evidence.scenario, _complete(evidence)
     declaration = system(str(full['model']))
-    for each in parameters(evidence):
-        size = STEP * (abs(each.value) or 1.0)
-        changed = {**full, **each.given(each.value + size)}
-        names = [key for key in each.given(each.value) if not key.startswith(f'{_MODEL}.')]
+    for candidate in parameters(evidence):
+        size = STEP * (abs(candidate.value) or 1.0)
+        changed = {**full, **candidate.given(candidate.value + size)}
+        names = [
+            key for key in candidate.given(candidate.value) if not key.startswith(f'{_MODEL}.')
+        ]
         try:
             model = scenario.model
-            if len(names) < len(each.given(each.value)):
+            if len(names) < len(candidate.given(candidate.value)):
                 model = model_of(declaration, section(changed, _MODEL))
             sources = rebuild(scenario, changed, names).sensors
         except ValueError:
             continue
         at = {key.partition('.')[0] for key in names}
-        yield Varied(each, size, model, {name: sources[name].sensor for name in at})
+        yield Varied(candidate, size, model, {name: sources[name].sensor for name in at})

@@ -148,10 +148,10 @@ class Passage:
         """Return a function of each whitened innovation (E,)."""
         if self.table is None:
             return np.array([single(e) for e in self.whitened])
-        found = np.zeros(len(self.events))
+        values = np.zeros(len(self.events))
         for name in self.names:
-            found[self.of(name)] = batch(self.series('whitened', name))
-        return found
+            values[self.of(name)] = batch(self.series('whitened', name))
+        return values
 
     @cached_property
     def corrections(self) -> Array:
@@ -221,10 +221,10 @@ class Passage:
         if self.table is None:
             return Passage(self.events[:count], self.whitened[:count])
         whole, events, whitened = self.table, self.events, self.whitened
-        own = {name: int(np.searchsorted(self.of(name), count)) for name in self.names}
+        counts = {name: int(np.searchsorted(self.of(name), count)) for name in self.names}
 
         def table(field: str, sensor: str) -> Any:
-            return whole(field, sensor)[: own.get(sensor, 0) if sensor else count]
+            return whole(field, sensor)[: counts.get(sensor, 0) if sensor else count]
 
         count = min(count, len(events))
         return Passage(

@@ -21,7 +21,7 @@ def peak(
     """
     for _ in range(_HALVINGS):
         near = [0.5 * (low + middle), middle, 0.5 * (middle + high)]
-        best = int(np.argmax([gain(each) for each in near]))
+        best = int(np.argmax([gain(point) for point in near]))
         low, middle, high = [low, *near, high][best : best + 3]
     return low, middle, high
 
@@ -32,5 +32,5 @@ def deviation(gain: Callable[[float], float], low: float, best: float, high: flo
     The gain is twice a log likelihood, which is a parabola there.
     """
     top = gain(best)
-    falls = ((top - gain(each)) / (each - best) ** 2 for each in (low, high))
+    falls = ((top - gain(point)) / (point - best) ** 2 for point in (low, high))
     return float(max(min(falls), 1e-12) ** -0.5)

@@ -30,9 +30,9 @@ _VALUES, _TIMES, _ALIKE = 20, 2, 1.5
 def find(case: Examination) -> list[Finding]:
     """Return the faults in the rate of each sensor, and readings that are not finite."""
     findings, sources = [], case.evidence.scenario.sensors
-    found = {name: _gaps(record) for name, record in case.evidence.sensors.items()}
+    all_gaps = {name: _gaps(record) for name, record in case.evidence.sensors.items()}
     kinds: dict[tuple[str, ...], list[bool]] = {}
-    for name, gaps in found.items():
+    for name, gaps in all_gaps.items():
         units = tuple(sources[name].sensor.output.units)
         kinds.setdefault(units, []).append(gaps is not None and gaps.seldom)
     for name, record in case.evidence.sensors.items():
@@ -44,7 +44,7 @@ def find(case: Examination) -> list[Finding]:
             continue
         findings += _find_invalid(name, record)
         is_declared = f'{name}.rate' in case.evidence.parameters
-        gaps = found[name]
+        gaps = all_gaps[name]
         if gaps is not None:
             # beacons or landmarks are all read now and then if one of them is
             alike = kinds[tuple(sources[name].sensor.output.units)]
@@ -112,16 +112,18 @@ def _gaps(record: SensorRecord) -> _Gaps | None:
     gap = period(gaps)
     missing = np.round(gaps / gap).astype(int) - 1
     # intervals that jitter are short or long, and nothing is lost
-    schedule = [round(np.ptp(stamps) / each) - len(gaps) for each in (gap, np.median(gaps))]
+    schedule = [
+        round(np.ptp(stamps) / interval) - len(gaps) for interval in (gap, np.median(gaps))
+    ]
     lost = min(int(missing[missing > 0].sum()), *schedule)
     share = lost / (lost + len(stamps))
     return _Gaps(stamps, gap, missing, share, bool(share > _SELDOM and missing.max() > _BURST))
 
 
 def _find_losses(
-    name: str, found: _Gaps, declared: float, *, is_declared: bool, seldom: bool
+    name: str, statistics: _Gaps, declared: float, *, is_declared: bool, seldom: bool
 ) -> Iterator[Finding]:
-    stamps, gap, missing, share, _ = found
+    stamps, gap, missing, share, _ = statistics
     gaps = np.diff(stamps)
     if abs(gap * declared - 1.0) > _DIFFERENT and not seldom:
         yield Finding(

@@ -148,11 +148,11 @@ class Responses:
     @cached_property
     def _by_start(self) -> dict[tuple[str, ...], list[int]]:
         """The columns by each beginning of their labels."""
-        found: dict[tuple[str, ...], list[int]] = {}
+        columns: dict[tuple[str, ...], list[int]] = {}
         for i, label in enumerate(self.labels):
             for size in range(len(label) + 1):
-                found.setdefault(label[:size], []).append(i)
-        return found
+                columns.setdefault(label[:size], []).append(i)
+        return columns
 
     def fit(self, basis: Array, columns: Sequence[int]) -> Fit:
         """Return the fit of ``columns`` in the subspace of a ``basis`` (columns, q)."""

@@ -152,14 +152,14 @@ def several(pieces: Pieces, cost: float) -> Offsets | None:
         free = np.logical_not(refused)
         for begin, end in chosen:
             free[[begin - 1, begin, end - 1, end]] = False
-        found = pieces.likeliest(left, free)
-        if found is None:
+        likeliest = pieces.likeliest(left, free)
+        if likeliest is None:
             break
-        begin, end = found
-        whole = [each for each in chosen if each[0] < begin and end < each[1]]
-        kept = [each for each in chosen if each not in whole]
+        begin, end = likeliest
+        whole = [stretch for stretch in chosen if stretch[0] < begin and end < stretch[1]]
+        kept = [stretch for stretch in chosen if stretch not in whole]
         around = [(whole[0][0], begin), (end, whole[0][1])] if whole else []
-        fit = pieces.fitted(sorted([*kept, *around, found]))
+        fit = pieces.fitted(sorted([*kept, *around, likeliest]))
         if fit.gain - (best.gain if best else 0.0) > cost:
             best, left = fit, pieces.left(fit)
         elif best is None or misses == _MISSES:
@@ -169,18 +169,18 @@ def several(pieces: Pieces, cost: float) -> Offsets | None:
     return _pruned(pieces, best, cost) if best else None
 
 
-def _pruned(pieces: Pieces, found: Offsets, cost: float) -> Offsets | None:
+def _pruned(pieces: Pieces, offsets: Offsets, cost: float) -> Offsets | None:
     """Return the stretches without those that gain less than ``cost``, the least one first."""
-    while len(found.stretches) > 1:
+    while len(offsets.stretches) > 1:
         fewer = [
-            pieces.fitted([each for each in found.stretches if each != out])
-            for out in found.stretches
+            pieces.fitted([stretch for stretch in offsets.stretches if stretch != out])
+            for out in offsets.stretches
         ]
         best = max(fewer, key=lambda fit: fit.gain)
-        if found.gain - best.gain > cost:
+        if offsets.gain - best.gain > cost:
             break
-        found = best
-    return found if found.gain > cost else None
+        offsets = best
+    return offsets if offsets.gain > cost else None
 
 
 def _find_offsets(case: Examination) -> Iterator[Finding]:
@@ -189,7 +189,7 @@ def _find_offsets(case: Examination) -> Iterator[Finding]:
     if len(limits) < 4:
         return
     promised = {name: several(_known_offsets(case, name, limits), CHANCE) for name in case.judged}
-    gains = {name: found.gain for name, found in promised.items() if found}
+    gains = {name: offsets.gain for name, offsets in promised.items() if offsets}
     for name, gain in gains.items():
         if gain > _CLOSE * max(gains.values()):
             yield from _find_exactly(case, name, limits)
@@ -210,11 +210,11 @@ def _find_exactly(case: Examination, name: str, limits: Array) -> Iterator[Findi
         for at in stretch
     ]
     limits = np.unique(np.concatenate([limits[[0, -1]], *around]))
-    found = _several_of(case, _offsets(case, name, limits))
-    if found is None or len(found.stretches) > _MOST_STRETCHES:
+    fine = _several_of(case, _offsets(case, name, limits))
+    if fine is None or len(fine.stretches) > _MOST_STRETCHES:
         return
-    if sum(limits[end] - limits[begin] for begin, end in found.stretches) < _MOST * np.ptp(limits):
-        yield _shifted(case, name, found, limits)
+    if sum(limits[end] - limits[begin] for begin, end in fine.stretches) < _MOST * np.ptp(limits):
+        yield _shifted(case, name, fine, limits)
 
 
 def _several_of(case: Examination, pieces: Pieces) -> Offsets | None:
@@ -225,10 +225,10 @@ def _several_of(case: Examination, pieces: Pieces) -> Offsets | None:
     for group in dict.fromkeys([tuple(range(k)), *((index,) for index in range(k))]):
         chosen = list(group)
         cost = (len(chosen) + 2) * price
-        found = several(pieces.of(chosen), max(cost, CHANCE))
-        net = 0.0 if found is None else found.gain - cost * len(found.stretches)
-        if found is not None and net > most:
-            best, most = found._replace(coordinates=chosen), net
+        offsets = several(pieces.of(chosen), max(cost, CHANCE))
+        net = 0.0 if offsets is None else offsets.gain - cost * len(offsets.stretches)
+        if offsets is not None and net > most:
+            best, most = offsets._replace(coordinates=chosen), net
     return best
 
 
@@ -241,8 +241,8 @@ def _known_offsets(case: Examination, name: str, limits: Array) -> Pieces:
 
 def _offsets(case: Examination, name: str, limits: Array) -> Pieces:
     """Return the regression on offsets of a sensor in pieces between ``limits``."""
-    found = offset_responses(case.passage, name, limits)
-    return _by_piece(found.gradient, found.information, len(limits) - 1)
+    regression = offset_responses(case.passage, name, limits)
+    return _by_piece(regression.gradient, regression.information, len(limits) - 1)
 
 
 def _by_piece(gradient: Array, information: Array, B: int) -> Pieces:
@@ -251,27 +251,27 @@ def _by_piece(gradient: Array, information: Array, B: int) -> Pieces:
     return Pieces(gradient.reshape(B, k), information.reshape(B, k, B, k))
 
 
-def _shifted(case: Examination, name: str, found: Offsets, limits: Array) -> Finding:
+def _shifted(case: Examination, name: str, offsets: Offsets, limits: Array) -> Finding:
     """Return the finding that a sensor is off from one time to another, once or several times."""
     record, space = case.evidence.sensors[name], case.evidence.scenario.sensors[name].sensor.output
     value, words, start = record.value.copy(), [], case.evidence.start
-    for (begin, end), size, std in zip(found.stretches, found.size, found.std):
+    for (begin, end), size, std in zip(offsets.stretches, offsets.size, offsets.std):
         since, until = float(limits[begin]), float(limits[end])
         rows = np.flatnonzero((record.stamp >= since) & (record.stamp < until))
-        value[np.ix_(rows, np.array(found.coordinates))] -= size
+        value[np.ix_(rows, np.array(offsets.coordinates))] -= size
         by = ', '.join(
             f'{space.label(space.names[index])} by {off:+.3g} ± {about:.1g}'
-            for index, off, about in zip(found.coordinates, size, std)
+            for index, off, about in zip(offsets.coordinates, size, std)
         )
         words.append(f'from t = {since - start:.3g} to {until - start:.3g} s, {by}')
-    K, k = found.size.shape
+    K, k = offsets.size.shape
     more = f'; and {K - _NAMED} times more' if K > _NAMED else ''
-    main = found.coordinates[int(np.argmax(np.abs(found.size / found.std).max(axis=0)))]
+    main = offsets.coordinates[int(np.argmax(np.abs(offsets.size / offsets.std).max(axis=0)))]
     return Finding(
         'disturbed', name,
         f'readings of {name} are off {"; ".join(words[:_NAMED])}{more}, and not before or after: '
         'a magnet, reflections, or a slip.',
-        found.gain**0.5, gain=found.gain, parameters=K * (k + 2),
+        offsets.gain**0.5, gain=offsets.gain, parameters=K * (k + 2),
         figure=innovations(case, name, main),
         mended=lambda: case.evidence.with_values(name, value),
     )  # fmt: skip

@@ -27,4 +27,4 @@ def tested(case: Examination, finding: Finding) -> tuple[float, Finding]:
 
 def likelier(case: Examination, *findings: Finding) -> Finding:
     """Return the finding whose correction explains most."""
-    return max((tested(case, each) for each in findings), key=lambda each: each[0])[1]
+    return max((tested(case, finding) for finding in findings), key=lambda outcome: outcome[0])[1]

@@ -50,7 +50,7 @@ class Trials:
             return
         cause, finding = (finding.kind, finding.subject), replace(finding, gain=gain, passage=None)
         self.tried[cause] = max(
-            finding, self.tried.get(cause, finding), key=lambda each: each.gain
+            finding, self.tried.get(cause, finding), key=lambda trial: trial.gain
         )
         if self.best is None or gain > self.best.gain:
             self.best, self.after = finding, after

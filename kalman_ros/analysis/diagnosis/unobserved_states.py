@@ -54,8 +54,8 @@ def find(case: Examination) -> list[Finding]:
 
 def _variances(passage: Passage) -> Array:
     """Return the variances of the states after each event (E, n)."""
-    found = passage.series('P').diagonal(axis1=1, axis2=2).copy()
+    variances = passage.series('P').diagonal(axis1=1, axis2=2).copy()
     for name in passage.names:
         K, S = passage.series('K', name), passage.series('S', name)
-        found[passage.of(name)] -= np.einsum('eij,ejk,eik->ei', K, S, K)
-    return np.asarray(np.maximum(found, 0.0))
+        variances[passage.of(name)] -= np.einsum('eij,ejk,eik->ei', K, S, K)
+    return np.asarray(np.maximum(variances, 0.0))

@@ -67,8 +67,8 @@ def is_walk(times: Array, path: Array, predicted: Array) -> bool:
     def steps(values: Array) -> Array:
         sums = [np.bincount(piece, column, minlength=pieces) for column in values.T]
         means = np.array(sums).T[kept] / count[kept][:, None]
-        found: Array = np.diff(means, axis=0)
-        return np.asarray(found - found.mean(axis=0))
+        differences: Array = np.diff(means, axis=0)
+        return np.asarray(differences - differences.mean(axis=0))
 
     moved, read = steps(path), steps(predicted)
     scale = moved.std(axis=0)

@@ -37,9 +37,9 @@ class CompiledSteps:
     def suit(candidates: Sequence[Candidate]) -> bool:
         """Return whether the filters are of the kind that has these steps."""
         return all(
-            type(each.filter) is ExtendedKalmanFilter
-            and getattr(each.model, 'arithmetic', '') == 'C'
-            for each in candidates
+            type(candidate.filter) is ExtendedKalmanFilter
+            and getattr(candidate.model, 'arithmetic', '') == 'C'
+            for candidate in candidates
         )
 
     def __call__(
@@ -61,14 +61,14 @@ class CompiledSteps:
         time, order, row = events.T
         rows = [row[order == index] for index in range(len(self._names))]
         every = [*self._observations.readings.values()]
-        if any(not np.isfinite(each.value[at]).all() for each, at in zip(every, rows)):
+        if any(not np.isfinite(record.value[at]).all() for record, at in zip(every, rows)):
             return None
         sensor = np.where(order == len(rows), -1, order)
         begun = np.cumsum(sensor < 0)
         dt = np.diff(np.maximum.accumulate(np.concatenate(([now], time)))) * 1e-9
         inputs = np.vstack((u, self._observations.input[row[sensor < 0]]))
         lengths, which = np.unique(dt, return_inverse=True)
-        means, covariances, found = [], [], []
+        means, covariances, readings = [], [], []
         for p, candidate in enumerate(self._candidates):
             data = OrderedData(
                 time * 1e-9, dt, inputs, begun - (sensor < 0), sensor, row,
@@ -77,7 +77,7 @@ class CompiledSteps:
             steps = candidate.model.filter_pass(
                 (belief.mean[p], belief.covariance[p]),
                 data,
-                np.array([parts(candidate.model, each) for each in lengths.tolist()])[which],
+                np.array([parts(candidate.model, length) for length in lengths.tolist()])[which],
                 [candidate.sensors[name] for name in self._names],
                 [np.inf] * len(rows),
                 kept=False,
@@ -86,16 +86,16 @@ class CompiledSteps:
                 return None
             means.append(steps.after[0])
             covariances.append(steps.after[1])
-            found.append(steps.readings)
+            readings.append(steps.readings)
         sensors = self._candidates[0].sensors
         blocks = [
             Block(
                 name,
                 sensors[name].output,
                 time[order == index],
-                np.stack([each[index].innovation for each in found], axis=1),
-                np.stack([each[index].S for each in found], axis=1),
-                np.ones((len(rows[index]), len(found)), dtype=bool),
+                np.stack([matrices[index].innovation for matrices in readings], axis=1),
+                np.stack([matrices[index].S for matrices in readings], axis=1),
+                np.ones((len(rows[index]), len(readings)), dtype=bool),
             )
             for index, name in enumerate(self._names)
             if len(rows[index])

@@ -55,7 +55,9 @@ def ends(
         for sign in (-1.0, 1.0)
     ]  # fmt: skip
     points = [_at(top.z, index, z) for side in sides for z in side]
-    heights = [_profile(likelihood, each, index) for each in likelihood.expand_all(points)]
+    heights = [
+        _profile(likelihood, expansion, index) for expansion in likelihood.expand_all(points)
+    ]
     split = len(sides[0])
     below = _crossing(top.value, middle, sides[0], heights[:split])
     above = _crossing(top.value, middle, sides[1], heights[split:])

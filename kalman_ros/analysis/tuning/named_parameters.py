@@ -121,13 +121,13 @@ class NamedParameters:
         self, kind: str, pairs: Mapping[str, tuple[float, float]] | None
     ) -> dict[str, tuple[float, float]]:
         """Return pairs by full name; raise ValueError if two are of the same parameter."""
-        found: dict[str, tuple[float, float]] = {}
+        resolved: dict[str, tuple[float, float]] = {}
         for name, pair in (pairs or {}).items():
             for full in self._resolve(name):
-                if full in found:
+                if full in resolved:
                     raise ValueError(f'{kind}: expected one of {full}, got two')
-                found[full] = pair
-        return found
+                resolved[full] = pair
+        return resolved
 
     def _resolve(self, name: str) -> list[str]:
         """Return the full names of the parameters to which a name refers."""

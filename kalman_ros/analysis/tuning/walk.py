@@ -149,10 +149,10 @@ class Walk:
         columns = np.array(events, dtype=np.int64)
         if self._compiled is None or not self._are_plain(columns):
             return None
-        found = self._compiled(self._belief, self._now, columns, self._input)
-        if found is None:
+        outcome = self._compiled(self._belief, self._now, columns, self._input)
+        if outcome is None:
             return None
-        self._belief, blocks = found
+        self._belief, blocks = outcome
         self._now = self._corrected = max(self._now, events[-1].time)
         rows = columns[columns[:, 1] == len(self._names), 2]
         if len(rows):
