@@ -56,13 +56,13 @@ class BiasedModel(Model):
 
     @property
     def equilibrium(self) -> OperatingPoint:
-        """That of the model, without a bias."""
+        """Operating point of the model, without a bias."""
         x, u = self._model.equilibrium
         return OperatingPoint(longer(x, self._still), u)
 
     @property
     def analytic(self) -> bool:
-        """Whether the model is."""
+        """Whether the model has an analytic Jacobian."""
         return self._model.analytic
 
     def _own(self, x: Array) -> Array:

@@ -144,6 +144,40 @@ def test_no_name_has_such_a_word():
     assert not wrong, '\n'.join(sorted(wrong))
 
 
+#: Patterns of text that says little, with how often each may occur: these numbers only fall.
+PATTERNS = {r'Of ': 0, r'That of ': 0, r'Whether the \w+ is\.$': 0}
+#: Names of variables that say nothing of what they hold, and in how many places they are left:
+#: attributes of public classes.
+EMPTY, MOST_EMPTY = {'found', 'each', 'own'}, 5
+
+
+def modules():
+    for path in sorted((ROOT / 'kalman_ros').rglob('*.py')):
+        yield str(path.relative_to(ROOT)), ast.parse(path.read_text())
+
+
+def test_docstrings_begin_with_what_they_describe():
+    kinds = (ast.Module, ast.ClassDef, ast.FunctionDef)
+    counts = dict.fromkeys(PATTERNS, 0)
+    for _, tree in modules():
+        for node in ast.walk(tree):
+            text = (isinstance(node, kinds) and ast.get_docstring(node)) or ''
+            for pattern in PATTERNS:
+                counts[pattern] += bool(re.match(pattern, text.partition('\n')[0]))
+    assert counts == PATTERNS
+
+
+def test_variables_have_names_that_say_what_they_hold():
+    places = [
+        f'{path}:{node.lineno}'
+        for path, tree in modules()
+        for node in ast.walk(tree)
+        if (isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) and node.id in EMPTY)
+        or (isinstance(node, ast.arg) and node.arg in EMPTY)
+    ]
+    assert len(places) == MOST_EMPTY, places
+
+
 def test_strings_comments_and_line_breaks_are_searched():
     source = '"""What is\ntold."""\n# so\n# many\nX = f"{1} is quiet"\n'
     found = [each[0] for _, text in python_texts(source) for each in [ANY.search(text)] if each]

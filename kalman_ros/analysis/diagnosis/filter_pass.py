@@ -95,7 +95,7 @@ class _Readings:
     def limits(self, gate: tuple[str, float] | None) -> list[float]:
         """Return the largest NIS of each sensor, with a ``gate`` (sensor, largest NIS)."""
         name, limit = gate or ('', inf)
-        return [limit if each == name else inf for each in self.names]
+        return [limit if sensor == name else inf for sensor in self.names]
 
 
 def _ordered(evidence: Evidence, until: float = inf) -> _Readings:
@@ -117,7 +117,7 @@ def _ordered(evidence: Evidence, until: float = inf) -> _Readings:
     inputs = evidence.inputs
     acts = np.argsort(inputs.stamp, kind='stable')
     stamps = np.round(inputs.stamp[acts], 9)
-    last = max((float(each[-1]) for each in times if len(each)), default=-inf)
+    last = max((float(of_sensor[-1]) for of_sensor in times if len(of_sensor)), default=-inf)
     acts, stamps = acts[stamps < last], stamps[stamps < last]
     sensor = np.repeat([*range(len(names)), -1], [*map(len, times), len(stamps)])
     row = np.concatenate((*orders, np.full(len(stamps), -1))).astype(int)
@@ -152,17 +152,17 @@ def _run_filter(
     at_once = _matrices(given, first, gate)
     if at_once is not None:
         return _Table(given, at_once).passage, inf
-    found, last = list[tuple[Event, Array]](), -inf
+    fused_events, last = list[tuple[Event, Array]](), -inf
     try:
         for time, fused in _steps(given, first, gate):
             last = time
             if fused is not None:
-                found.append(fused)
+                fused_events.append(fused)
         last = inf
     except np.linalg.LinAlgError:
         if strict:
             raise
-    return Passage([event for event, _ in found], [e for _, e in found]), last
+    return Passage([event for event, _ in fused_events], [e for _, e in fused_events]), last
 
 
 def _matrices(
@@ -182,22 +182,23 @@ def _matrices(
 class _Table:
     """The events of a pass in C, by their fields."""
 
-    def __init__(self, given: _Readings, found: StepMatrices) -> None:
-        data, at = given.data, np.flatnonzero(found.fused)
+    def __init__(self, given: _Readings, matrices: StepMatrices) -> None:
+        data, at = given.data, np.flatnonzero(matrices.fused)
         self._sensor, row, time = data.sensor[at], data.row[at], data.time[at]
         names = [*given.names, '']  # a pass without a reading has names, too
         self._whole = {
-            'sensor': np.array(names)[self._sensor], 'time': time, 'F': found.F, 'Q': found.Q,
-            'dt': np.diff(time, prepend=time[:1]), 'x': found.x, 'P': found.P,
+            'sensor': np.array(names)[self._sensor], 'time': time,
+            'F': matrices.F, 'Q': matrices.Q,
+            'dt': np.diff(time, prepend=time[:1]), 'x': matrices.x, 'P': matrices.P,
             'u': data.inputs[data.input[at]],
         }  # fmt: skip
         self._by_sensor = {}
         for s, name in enumerate(given.names):
-            own = np.flatnonzero(self._sensor == s)
-            if len(own):
-                fields = found.readings[s]._asdict() | {
-                    'index': given.indices[s][row[own]], 'R': data.covariances[s][row[own]],
-                    'whitened': np.clip(found.readings[s].whitened, -_FAR, _FAR), 'at': own,
+            events = np.flatnonzero(self._sensor == s)
+            if len(events):
+                fields = matrices.readings[s]._asdict() | {
+                    'index': given.indices[s][row[events]], 'R': data.covariances[s][row[events]],
+                    'whitened': np.clip(matrices.readings[s].whitened, -_FAR, _FAR), 'at': events,
                 }  # fmt: skip
                 self._by_sensor[name] = fields
 
@@ -205,10 +206,10 @@ class _Table:
         """Return a field of all events, or of those of a sensor."""
         if not sensor:
             return self._whole[field]
-        own = self._by_sensor.get(sensor)
-        if own is None:
+        fields = self._by_sensor.get(sensor)
+        if fields is None:
             return NOTHING
-        return own[field] if field in own else self._whole[field][own['at']]
+        return fields[field] if field in fields else self._whole[field][fields['at']]
 
     @property
     def passage(self) -> Passage:
@@ -217,8 +218,8 @@ class _Table:
         return Passage(Later(count, self._events), Later(count, self._whitened), self.field)
 
     def _events(self) -> list[Event]:
-        whole = [each.tolist() if each.ndim == 1 else each for each in self._whole.values()]
-        corrections = {name: self._corrections(own) for name, own in self._by_sensor.items()}
+        whole = [value.tolist() if value.ndim == 1 else value for value in self._whole.values()]
+        corrections = {name: self._corrections(fields) for name, fields in self._by_sensor.items()}
         events = []
         for name, *step in zip(*whole):
             index, *correction = next(corrections[name])
@@ -227,15 +228,15 @@ class _Table:
         return events
 
     @staticmethod
-    def _corrections(own: Mapping[str, Any]) -> Iterator[Any]:
+    def _corrections(fields: Mapping[str, Any]) -> Iterator[Any]:
         """Yield the last fields of each event of a sensor, in their order, behind its index."""
-        fields = ('H', 'R', 'K', 'S', 'innovation', 'white')
-        each = [own[field] for field in fields]
-        return zip(own['index'].tolist(), *each, own['log'].tolist())
+        names = ('H', 'R', 'K', 'S', 'innovation', 'white')
+        columns = [fields[name] for name in names]
+        return zip(fields['index'].tolist(), *columns, fields['log'].tolist())
 
     def _whitened(self) -> list[Array]:
-        each = {name: iter(own['whitened']) for name, own in self._by_sensor.items()}
-        return [next(each[name]) for name in self._whole['sensor'].tolist()]
+        rows = {name: iter(fields['whitened']) for name, fields in self._by_sensor.items()}
+        return [next(rows[name]) for name in self._whole['sensor'].tolist()]
 
 
 @lru_cache(maxsize=4)
@@ -253,7 +254,7 @@ def _steps(
     sensors = [scenario.sensors[name].sensor for name in given.names]
     known, F, Q, before = False, *_no_step(belief), nan
     for time, dt, act, s, row in zip(
-        *(each.tolist() for each in (data.time, data.dt, data.input, data.sensor, data.row))
+        *(column.tolist() for column in (data.time, data.dt, data.input, data.sensor, data.row))
     ):
         u = data.inputs[act]
         if dt > 0.0:
@@ -265,19 +266,19 @@ def _steps(
         if not is_finite(belief.mean):
             raise np.linalg.LinAlgError('the estimate is not finite')
         sensor = sensors[s].with_covariance(data.covariances[s][row])
-        found: Any = filter.correct(belief, data.readings[s][row], sensor)
+        correction: Any = filter.correct(belief, data.readings[s][row], sensor)
         before = time if isnan(before) else before
-        if found.nis > limits[s]:
+        if correction.nis > limits[s]:
             yield time, None
             continue
-        nu, S = found.innovation, found.innovation_covariance
+        nu, S = correction.innovation, correction.innovation_covariance
         white, log_size = whitener(S)
         index = int(given.indices[s][row])
         event = Event(
             given.names[s], index, time, F, Q, time - before, *belief, u,
-            found.jacobian, sensor.covariance, found.gain, S, nu, white, log_size,
+            correction.jacobian, sensor.covariance, correction.gain, S, nu, white, log_size,
         )  # fmt: skip
-        known, F, Q, before, belief = False, *_no_step(belief), time, found.posterior
+        known, F, Q, before, belief = False, *_no_step(belief), time, correction.posterior
         yield time, (event, np.minimum(np.maximum(white.dot(nu), -_FAR), _FAR))
 
 
@@ -288,10 +289,10 @@ def _no_step(belief: Gaussian) -> tuple[Array, Array]:
 def rejected(evidence: Evidence, name: str, limit: float) -> Array:
     """Return the readings of a sensor, by index, that a gate at a NIS rejects."""
     given = _ordered(evidence)
-    found, last = _run_filter(given, _initial_belief(given, inf), (name, limit), strict=False)
+    gated, last = _run_filter(given, _initial_belief(given, inf), (name, limit), strict=False)
     indices = given.indices[given.names.index(name)]
     judged = indices[evidence.sensors[name].stamp[indices] <= last]
-    return np.array(judged[~np.isin(judged, found.terms(name).index)], dtype=int)
+    return np.array(judged[~np.isin(judged, gated.terms(name).index)], dtype=int)
 
 
 def usable(record: SensorRecord) -> Any:

@@ -118,9 +118,9 @@ def _by_passes(case: Examination) -> Iterator[Finding]:
         if known and not far:
             continue
         search = TimeSearch(case, partial(shift_stamps, case.evidence, name), explained_in_both)
-        found = search.likeliest(least, far)
-        if found is not None:
-            yield stamped(case.evidence, name, 0.0, found)
+        likeliest = search.likeliest(least, far)
+        if likeliest is not None:
+            yield stamped(case.evidence, name, 0.0, likeliest)
 
 
 class TimeSearch:

@@ -259,11 +259,11 @@ def _of_readings(case: Examination, name: str, group: tuple[int, ...]) -> tuple[
 def conversions(space: Space, group: tuple[int, ...]) -> dict[float, str]:
     """Return the factors of `UNITS` that apply to a group of coordinates, with their units."""
     group_units = {space.units[index] for index in group}
-    found: dict[float, str] = {}
+    texts: dict[float, str] = {}
     for factor, text, units in UNITS:
         if not units or group_units <= {'', *units}:
-            found[factor] = f'{found[factor]} or {text}' if factor in found else text
-    return found
+            texts[factor] = f'{texts[factor]} or {text}' if factor in texts else text
+    return texts
 
 
 def scaling(case: Examination, name: str, group: tuple[int, ...], factor: float) -> Array:
@@ -326,7 +326,7 @@ def scaled(
 
     alone = len(names) == 1
     changes = [mixing(evidence, name, M, behind) for name in names]
-    change = {key: value for each in changes for key, value in each.items()}
+    change = {key: value for part in changes for key, value in part.items()}
     shared = ' A parameter that they share, such as the radius of wheels, does the same.'
     return Finding(
         kind, label,
