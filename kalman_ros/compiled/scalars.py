@@ -7,6 +7,7 @@ symbols, and arrays that hold them.
 
 from __future__ import annotations
 
+import builtins
 import math
 from collections.abc import Callable, Mapping
 from functools import partial, reduce
@@ -113,8 +114,16 @@ _BY_ORIGINAL = {
     for module, functions in ((math, _OF_MATH), (np, _OF_NUMPY))
     for name, function in functions.items()
 }
-#: Functions that Python always has.
-_BUILTIN = {
+
+
+def _imported(name: str, *details: Any) -> Any:
+    """Return a module that a function imports."""
+    return _MODULES.get(name) or builtins.__import__(name, *details)
+
+
+#: Names that Python always has.
+_BUILTINS = vars(builtins) | {
+    '__import__': _imported,
     'float': _Float,
     'max': _taking_symbols(max, partial(_extreme, np.maximum)),
     'min': _taking_symbols(min, partial(_extreme, np.minimum)),
@@ -123,8 +132,8 @@ _BUILTIN = {
 
 def scope(names: dict[str, Any]) -> dict[str, Any]:
     """Return the global names of a function, with mathematics and functions that take symbols."""
-    whole = {**_BUILTIN, **names}
-    for name, value in names.items():
+    whole = {**names, '__builtins__': _BUILTINS}
+    for name, value in [*whole.items()]:
         if isinstance(value, FunctionType) and value.__globals__ is names:
             known = value.__defaults__, value.__kwdefaults__, value.__closure__
             whole[name] = rebound(value, whole, *known)

@@ -118,3 +118,30 @@ def test_a_proof_begins_where_the_sensor_of_the_change_moves(spring):
     begins = {each: diagnose_module._moves(spring.sensors[each]) for each in spring.sensors}
     del begins[name]
     assert seconds(rests, of_model) == pytest.approx(20.0 + min(begins.values()) - spring.start)
+
+
+@pytest.mark.parametrize('origin', [0, 162_895_260])
+def test_stamps_are_multiples_of_a_time_by_the_clock_that_counts(spring, origin):
+    stamps_of = 0.1 * np.arange(40) - 1e-9 * origin
+    record = replace(spring.sensors['position'].select(slice(40)), stamp=stamps_of)
+    evidence = replace(spring, origin=1_700_000_000_000_000_000 + origin)
+    assert stamps._grid(evidence, record) == pytest.approx(0.1)
+    shifted = replace(record, stamp=record.stamp + 0.0203)
+    assert stamps._grid(evidence, shifted) == 0.0
+    assert stamps._grid(evidence, record.select(slice(stamps._ENOUGH))) == 0.0  # too few
+
+
+@pytest.mark.parametrize(('late', 'kind'), [(0.05, 'stamps rounded'), (0.15, 'clock offset')])
+def test_an_age_below_the_grid_of_all_stamps_is_what_rounding_took(
+    monkeypatch, spring, late, kind
+):
+    name = 'position'
+    record = spring.sensors[name]
+    stamp = 0.1 * np.arange(len(record))
+    changed = replace(record, stamp=stamp, received=stamp + late)
+    monkeypatch.setattr(stamps, '_improves_fit', lambda *given: True)
+    case = Examination(spring.with_sensor(name, changed), strict=False)
+    (finding,) = stamps._find_clock_error(case, name, changed)
+    assert finding.kind == kind
+    np.testing.assert_allclose(finding.mended().sensors[name].stamp, changed.received)
+    assert finding.same_as == ((('clock offset', name),) if kind == 'stamps rounded' else ())

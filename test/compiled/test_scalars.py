@@ -165,13 +165,32 @@ def test_names_of_a_module_stay_as_they_are():
     names = scope(globals())
     assert globals() == before
     assert names['math'].sin(0.5) == math.sin(0.5) and names['math'].pi == math.pi
-    assert names['cos'](0.5) == cos(0.5) and names['float']('2.5') == 2.5
+    assert names['cos'](0.5) == cos(0.5) and names['__builtins__']['float']('2.5') == 2.5
     assert names['half'](0.5) == half(0.5) and names['np'].pi is np.pi
 
 
 def test_a_name_that_is_redefined_is_left_alone():
     names = scope({'float': round})
     assert names['float'] is round
+
+
+def test_what_a_function_imports_takes_symbols():
+    def rate(x):
+        import math as m
+        from math import sin
+
+        import numpy
+
+        rates = numpy.zeros(2)
+        rates[0], rates[1] = m.cos(x[1]), -sin(x[0])
+        return rates
+
+    model = kr.continuous_model(rate, W=[0.1, 0.1])
+    formula, p = substeps(model)
+    x = np.array([0.4, -1.2])
+    np.testing.assert_allclose(
+        np.array(formula(x, [], [0.1], p))[:, 0], model.substep(x, np.zeros(0), 0.1), rtol=1e-14
+    )
 
 
 @pytest.mark.slow

@@ -47,6 +47,8 @@ class Evidence:
     forces
         Specific force (3,) at the start, in m/s^2, by the sensor, or the input, whose messages
         have one, in their axes.
+    origin
+        Time from which all others are counted, in nanoseconds.
     """
 
     parameters: Mapping[str, Any]
@@ -57,6 +59,7 @@ class Evidence:
     rerun: Rerun
     headerless: frozenset[str] = frozenset()
     forces: Mapping[str, Array] = field(default_factory=dict)
+    origin: int = 0
 
     def with_sensor(self, name: str, record: SensorRecord) -> Evidence:
         """Return the evidence with another record of one sensor."""

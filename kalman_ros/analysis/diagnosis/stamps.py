@@ -44,7 +44,7 @@ def find(case: Examination) -> Iterator[Finding]:
             yield from _find_set_clock(case, name, record)
             yield from _find_duplicates(case, name, record)
             yield from _find_backward(case, name, record)
-            yield from _find_rounded(name, record)
+            yield from _find_rounded(case.evidence, name, record)
             yield from _find_clock_error(case, name, record)
     yield from _find_future_inputs(case.evidence)
 
@@ -148,8 +148,10 @@ def _find_shared(evidence: Evidence, name: str, record: SensorRecord) -> Iterato
     within = float(np.median(stamps[begins + groups - 1] - stamps[begins]))
     apart = float(np.median(np.diff(stamps[begins])))
     how = f'are stamped within {within:.2g} s' if within > 1e-6 else 'have one stamp'
-    # none is received before it is taken: the least latency is that of a stamp that lost nothing
-    stamp = record.received - max(float(latency(record).min()), 0.0)
+    # none is received before it is taken: the least latency is that of a stamp that lost nothing,
+    # unless each is rounded and has lost something
+    least = max(float(latency(record).min()), 0.0)
+    stamp = record.received - (0.0 if least < _grid(evidence, record) else least)
     yield _rounded(
         name, record,
         f'{int(np.median(groups))} readings of {name} in a row {how}, every {apart:.3g} s, while '
@@ -170,27 +172,34 @@ def _rounded(
     )  # fmt: skip
 
 
-def _find_rounded(name: str, record: SensorRecord) -> Iterator[Finding]:
+def _find_rounded(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[Finding]:
     """Yield a finding if stamps are multiples of a time, while the receipt is more regular."""
-    stamps = np.unique(np.round(record.stamp[record.stamped], 6))
-    gaps, received = np.diff(stamps), np.diff(record.received)
-    if len(gaps) < _ENOUGH:
+    gaps, received = np.diff(_different(record)), np.diff(record.received)
+    grid = _grid(evidence, record)
+    if not grid:
         return
-    for grid in _GRIDS:
-        off = np.abs(stamps / grid - np.round(stamps / grid)) * grid
-        if off.max() > 1e-6:
-            continue
-        usual = float(np.median(gaps))
-        spread, of_receipt = (
-            float(np.std(x[x < 1.7 * usual])) for x in (gaps, received) if len(x)
-        )
-        if grid > _COARSE * usual and spread > 2.0 * of_receipt:
-            yield _rounded(
-                name, record,
-                f'stamps of {name} are multiples of {grid:g} s, while they are received every '
-                f'{usual:.3g} s, regular to {of_receipt:.1g} s',
-            )  # fmt: skip
-        return
+    usual = float(np.median(gaps))
+    spread, of_receipt = (float(np.std(x[x < 1.7 * usual])) for x in (gaps, received) if len(x))
+    if grid > _COARSE * usual and spread > 2.0 * of_receipt:
+        yield _rounded(
+            name, record,
+            f'stamps of {name} are multiples of {grid:g} s, while they are received every '
+            f'{usual:.3g} s, regular to {of_receipt:.1g} s',
+        )  # fmt: skip
+
+
+def _different(record: SensorRecord) -> Array:
+    """Return the different stamps of a record in order, in whole microseconds."""
+    return np.unique(np.round(record.stamp[record.stamped], 6))
+
+
+def _grid(evidence: Evidence, record: SensorRecord) -> float:
+    """Return the coarsest time of which all stamps are multiples, in s; 0 without one."""
+    stamps = _different(record) + evidence.origin % 1_000_000_000 * 1e-9
+    if len(stamps) <= _ENOUGH:
+        return 0.0
+    off = (np.abs(stamps / grid - np.round(stamps / grid)).max() * grid for grid in _GRIDS)
+    return next((grid for grid, most in zip(_GRIDS, off) if most <= 1e-6), 0.0)
 
 
 def _selection(case: Examination, name: str, record: SensorRecord, rows: Any) -> dict[str, Any]:
@@ -226,6 +235,17 @@ def _find_clock_error(case: Examination, name: str, record: SensorRecord) -> Ite
         )  # fmt: skip
     elif level < -_AHEAD or (level > _BEHIND and _improves_fit(case, mended)):
         way = 'ahead of' if level < 0.0 else 'behind'
+        grid = _grid(evidence, record)
+        if 0.0 < level < grid:
+            rounded = _rounded(
+                name,
+                record,
+                f'stamps of {name} are multiples of {grid:g} s, and {level:.3g} s behind the '
+                'recorder',
+                lambda: mended,
+            )
+            yield replace(rounded, same_as=(('clock offset', name),))
+            return
         yield Finding(
             'clock offset', name,
             f'stamps of {name} are {abs(level):.3g} s {way} the recorder'

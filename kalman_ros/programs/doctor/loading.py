@@ -87,7 +87,7 @@ def replayed(
     forces = dict(_forces(bag, result.scenario, start))
     return Evidence(
         parameters, result.scenario, sensors, result.inputs, result.beliefs, again, headerless,
-        forces,
+        forces, result.start,
     )  # fmt: skip
 
 
