@@ -120,6 +120,12 @@ def test_a_proof_begins_where_the_sensor_of_the_change_moves(spring):
     assert seconds(rests, of_model) == pytest.approx(20.0 + min(begins.values()) - spring.start)
 
 
+def test_findings_of_the_same_words_are_different_ones():
+    """Pictures have arrays, of which equality is no truth."""
+    one, other = (Finding('scale', 'imu', 'it is off.', np.zeros(2)) for _ in range(2))
+    assert one != other and one in [other, one] and other not in [one]
+
+
 @pytest.mark.parametrize('origin', [0, 162_895_260])
 def test_stamps_are_multiples_of_a_time_by_the_clock_that_counts(spring, origin):
     stamps_of = 0.1 * np.arange(40) - 1e-9 * origin

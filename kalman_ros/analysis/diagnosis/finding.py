@@ -75,7 +75,7 @@ class DensityLevel(NamedTuple):
     change: Mapping[str, Any]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Finding:
     """A fault of a recording or of the parameters.
 
