@@ -78,6 +78,9 @@ class _PartlyRead:
         ahead, across = np.zeros_like(record.value), np.zeros_like(record.value)
         ahead[:, indices] = record.value[:, indices]
         across[:, indices] = turned.value[rows][:, indices]
+        # a recording of arrays has no other axis to bring, and a driver may leave it at zero
+        if np.array_equal(across, ahead, equal_nan=True) or not np.nan_to_num(across).any():
+            return None
         return _PartlyRead(evidence, name, ahead, across)
 
     def fit(self, case: Examination, angle: float) -> Fit:
