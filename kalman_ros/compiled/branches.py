@@ -10,14 +10,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextvars import ContextVar
 from functools import reduce
-from typing import Any
+from typing import Any, NoReturn
 
 import casadi
 
 from .untraceable import UntraceableError
 
-#: The most ways that are recorded; a loop that ends by the state has no end.
-MOST_WAYS = 64
+#: The most ways that are recorded, and decisions on one: a loop that ends by the state has no end.
+MOST_WAYS = MOST_DECISIONS = 64
 #: How deep formulas are compared.
 _DEPTH = 10
 
@@ -35,7 +35,7 @@ class _Way:
         self.conditions.append(condition)
         if len(self.conditions) > len(self.taken):
             self.taken.append(True)
-        if len(self.taken) > MOST_WAYS:
+        if len(self.taken) > MOST_DECISIONS:
             _refuse()
         return self.taken[len(self.conditions) - 1]
 
@@ -46,6 +46,7 @@ class _Way:
         return reduce(
             casadi.logic_and,
             (condition if taken else casadi.logic_not(condition) for condition, taken in every),
+            casadi.SX(1),
         )
 
 
@@ -63,7 +64,9 @@ def decide(condition: Any) -> bool:
     if condition.is_constant():
         return bool(float(condition))
     way = _current.get(None)
-    return _refuse() if way is None else way.decide(condition)
+    if way is None:
+        raise UntraceableError('it decides by the value of the state')
+    return way.decide(condition)
 
 
 def every_way(run: Callable[[], Any], merge: Callable[[Any, Any, Any], Any]) -> Any:
@@ -99,7 +102,7 @@ def every_way(run: Callable[[], Any], merge: Callable[[Any, Any, Any], Any]) -> 
     return merged
 
 
-def _refuse() -> bool:
+def _refuse() -> NoReturn:
     raise UntraceableError(
         f'it decides by the value of the state in more than {MOST_WAYS} ways: if, max, while'
     )

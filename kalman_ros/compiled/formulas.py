@@ -20,7 +20,12 @@ from .untraceable import UntraceableError
 
 #: A Jacobian that is coded by hand, or numerical, may differ this much from the exact one.
 _CLOSE = 1e-5
-_SEED = 0
+#: Seeds of states and of inputs, which must not be alike.
+_OF_STATES, _OF_INPUTS = 0, 1
+#: Distances of points from the rest, and how many of each.
+_DISTANCES, _COUNTS = (0.3, 1.0, 3.0, 10.0, 100.0, 1000.0), (8, 8, 8, 2, 2, 2)
+#: How many of all points are near, and by how much a compiled value may differ there.
+_NEAR, _EXACT = 25, 1e-8
 #: A step in seconds in which noise adds its density times the step.
 _SHORT = 1e-9
 _PACKAGE = __name__.partition('.')[0]
@@ -127,22 +132,22 @@ class SpaceFormulas(NamedTuple):
     difference: Trace
 
 
-def _points(center: Array, scale: float = 0.3, count: int = 3) -> Array:
+def _points(center: Array, scale: float = 0.3, count: int = 3, seed: int = 0) -> Array:
     """Return points (count, n) about one, without symmetry."""
-    return center + scale * np.random.default_rng(_SEED).standard_normal((count, len(center)))
+    return center + scale * np.random.default_rng(seed).standard_normal((count, len(center)))
 
 
-def _far(center: Array) -> Array:
-    """Return points at all distances from one, and the point itself (9, n)."""
-    scales = np.repeat([1.0, 10.0, 100.0, 1000.0], 2)[:, np.newaxis]
-    moved = scales * np.random.default_rng(_SEED).standard_normal((8, len(center)))
+def _far(center: Array, seed: int = _OF_STATES) -> Array:
+    """Return points at all distances from one, and the point itself at first (31, n)."""
+    scales = np.repeat(_DISTANCES, _COUNTS)[:, np.newaxis]
+    moved = scales * np.random.default_rng(seed).standard_normal((len(scales), len(center)))
     return np.vstack((center, center + moved))
 
 
 def points_about(model: Dynamics) -> tuple[Array, Array]:
     """Return states (3, n) and inputs (3, m) about the equilibrium of a model."""
     rest = model.equilibrium
-    return _points(rest.state), _points(rest.input)
+    return _points(rest.state), _points(rest.input, seed=_OF_INPUTS)
 
 
 def _branching(model: Any, function: str) -> Any:
@@ -308,7 +313,7 @@ def of_space(space: Space) -> SpaceFormulas:
         If they cannot be traced.
     """
     n = space.size
-    a, b, P = (_points(np.zeros(size)) for size in (n, n, n * n))
+    a, b, P = (_points(np.zeros(size), seed=seed) for seed, size in enumerate((n, n, n * n)))
 
     def arrived(total: Array, origin: Array, P: Array) -> Array:
         mean, covariance = space.arrived(total, origin, P.reshape(n, n))
@@ -337,14 +342,17 @@ def _verify_model(original: Dynamics, compiled: Dynamics, near: int | None) -> N
     for x, u in zip(states[:near], inputs):
         _verify(partial(_linearized, original), compiled.linearized_step, x, u, dt)
     rest = original.equilibrium
-    far, inputs = _far(rest.state), _far(rest.input)
-    _verify(
-        lambda x, u: (original.time_derivative(x, u), original.step(x, u, dt)),
-        lambda x, u: (compiled.time_derivative(x, u), compiled.step(x, u, dt)),
-        far,
-        inputs,
-    )
-    some = slice(None, None, 2 if near else 1)
+    far, inputs = _far(rest.state), _far(rest.input, _OF_INPUTS)
+    every = 3 if near else 1
+    for some, close in ((slice(0, _NEAR, every), _EXACT), (slice(_NEAR, None), _CLOSE)):
+        _verify(
+            lambda x, u: (original.time_derivative(x, u), original.step(x, u, dt)),
+            lambda x, u: (compiled.time_derivative(x, u), compiled.step(x, u, dt)),
+            far[some],
+            inputs[some],
+            close=close,
+        )
+    some = slice(None, None, 4 * every)
     for x, u in zip(far[some], inputs[some]):
         short = original.period or _short(original, x, u)
         if short:
@@ -389,21 +397,32 @@ def _verify_sensor(original: Sensor, compiled: Sensor, state: Space, near: int |
             x,
         )
     far = _far(np.full(state.size, 0.5))
-    _verify(lambda at: (original.measure(at),), lambda at: (compiled.measure(at),), far)
+    for some, close in ((slice(_NEAR), _EXACT), (slice(_NEAR, None), _CLOSE)):
+        _verify(
+            lambda at: (original.measure(at),), lambda at: (compiled.measure(at),),
+            far[some], close=close,
+        )  # fmt: skip
 
 
 def _verify(
-    original: Callable[..., Iterable[Array]], compiled: Callable[..., Iterable[Array]], *at: Any
+    original: Callable[..., Iterable[Array]],
+    compiled: Callable[..., Iterable[Array]],
+    *at: Any,
+    close: float = _CLOSE,
 ) -> None:
+    """Compare functions at a point, or at several at once, or one by one where that fails."""
     with np.errstate(all='ignore'):
         try:
             expected = [*original(*at)]
-        except Exception:  # a function of a user may fail where no state is
+        except Exception:  # a function of a user may fail on arrays, or where no state is
+            if at[0].ndim == 2:
+                for point in zip(*at):
+                    _verify(original, compiled, *point, close=close)
             return
         pairs = [*zip(compiled(*at), expected)]
     for mine, theirs in pairs:
         known = np.isfinite(theirs)  # where there is no number, filters fail either way
         size = np.abs(theirs[known])
-        close = _CLOSE * (size + size.max(initial=0.0))
-        if not np.all(np.abs(mine[known] - theirs[known]) <= close):
+        least = close * (size + size.max(initial=0.0))
+        if not np.all(np.abs(mine[known] - theirs[known]) <= least):
             raise UntraceableError('its compiled functions are not what it computes')

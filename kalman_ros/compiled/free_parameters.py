@@ -8,20 +8,21 @@ with symbols in their place.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from contextlib import suppress
 from copy import copy
-from types import CellType, FunctionType
+from types import FunctionType, MappingProxyType
 from typing import Any, TypeVar
 
 import numpy as np
 
 from kalman_ros.core import Array, Dynamics, Sensor
 
-from .scalars import methods, of_symbols, rebound, scope
+from .scalars import methods, of_symbols, read, rebound, scope
 from .untraceable import UntraceableError
 
 T = TypeVar('T')
+_NOTHING: Mapping[int, Any] = MappingProxyType({})
 
 
 class Parameters:
@@ -49,8 +50,9 @@ class Parameters:
         #: The numbers, in the order of the attributes (p,).
         self.values: Array = np.array([value for value in values if isinstance(value, float)])
         #: Equal for objects that compute by the same formulas.
-        self.signature: tuple[Hashable, ...] = tuple(
-            float if isinstance(value, float) else value for value in values
+        self.signature: tuple[Hashable, ...] = (
+            *(float if isinstance(value, float) else value for value in values),
+            *read(original),
         )
 
     @property
@@ -142,16 +144,21 @@ class _Replacement:
     def __init__(self, numbers: Iterator[Any], opened: bool, scoped: bool) -> None:
         self._numbers, self._opened, self._scoped = numbers, opened, scoped
 
-    def __call__(self, value: Any, inside: tuple[Any, ...] = ()) -> Any:
+    def __call__(self, value: Any, inside: Mapping[int, Any] = _NOTHING) -> Any:
         """Return a copy of a value that is within functions."""
         if isinstance(value, (Dynamics, Sensor)):
             return self._copied(value, inside)
         if hasattr(value, 'HAS_FUNCTION'):
             return self._copied(value, inside) if self._opened else self._with_functions(value)
-        if self._opened and _can_open(value, inside):
-            cells, defaults, named = self(_content(value), (*inside, value))
-            names = scope(value.__globals__)
-            return rebound(value, names, tuple(defaults), named, tuple(map(CellType, cells)))
+        if id(value) in inside:
+            return inside[id(value)]
+        if self._opened and _can_open(value, ()):
+            other = rebound(value, scope(value.__globals__))
+            cells, defaults, named = self(_content(value), {**inside, id(value): other})
+            for cell, content in zip(other.__closure__ or (), cells):
+                cell.cell_contents = content
+            other.__defaults__, other.__kwdefaults__ = tuple(defaults), named
+            return other
         if isinstance(value, np.ndarray) and value.dtype == float:
             flat = [next(self._numbers) if number else 0.0 for number in value.ravel().tolist()]
             whole = np.empty(len(flat), dtype=object)
@@ -167,7 +174,7 @@ class _Replacement:
             return next(self._numbers) if value else value
         return of_symbols(value) if self._opened else value
 
-    def _copied(self, value: Any, inside: tuple[Any, ...]) -> Any:
+    def _copied(self, value: Any, inside: Mapping[int, Any]) -> Any:
         other = copy(value)
         vars(other).update({name: self(part, inside) for name, part in vars(value).items()})
         if self._scoped:

@@ -21,7 +21,7 @@ static long periods(real dt, const real *p)
     period(p, &one);
     const real count = floor(dt / one + (real)0.5);
     const int whole = fabs(dt / one - count) <= TOLERANCE;
-    return whole && count >= 0 && count <= MOST_PERIODS ? (long)count : -1;
+    return whole && count <= MOST_PERIODS ? (long)count : -1; /* a negative one is refused, too */
 }
 
 /* One period, which may begin and end in the same place */

@@ -9,15 +9,21 @@ from __future__ import annotations
 
 import builtins
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from contextlib import suppress
+from copy import copy
 from functools import partial, reduce
-from types import CellType, FunctionType, MethodType, ModuleType
+from types import CellType, CodeType, FunctionType, MappingProxyType, MethodType, ModuleType
 from typing import Any
 
 import numpy as np
 
-from .symbols import Symbol, Symbols
+from kalman_ros.core import Dynamics, Sensor
 
+from .symbols import Symbol, Symbols
+from .untraceable import UntraceableError
+
+_NOTHING: Mapping[int, Any] = MappingProxyType({})
 _PACKAGE = f'{__name__.partition(".")[0]}.'
 
 
@@ -59,9 +65,12 @@ def _of_values(plain: Callable[..., Any]) -> Callable[..., Any]:
 
     def function(values: Any, *arguments: Any, **options: Any) -> Any:
         whole = np.array(values, dtype=object)
-        if any(isinstance(value, (Symbol, Symbols)) for value in whole.flat):
-            return whole.view(Symbols)
-        return _holding_symbols(plain)(values, *arguments, **options)
+        if not any(isinstance(value, (Symbol, Symbols)) for value in whole.flat):
+            return _holding_symbols(plain)(values, *arguments, **options)
+        kinds = {*arguments, *options.values()}
+        if not {*options} <= {'dtype'} or not kinds <= {None, float, object, _Float}:
+            raise UntraceableError(f'np.{plain.__name__} with options')
+        return values if plain is np.asarray and type(values) is Symbols else whole.view(Symbols)
 
     return function
 
@@ -71,7 +80,7 @@ class _OfFloat(type):
         return value if isinstance(value, (Symbol, Symbols)) else float(value)
 
     def __instancecheck__(cls, value: Any) -> bool:
-        return isinstance(value, float)
+        return isinstance(value, (float, Symbol))
 
 
 class _Float(float, metaclass=_OfFloat):
@@ -109,16 +118,21 @@ _OF_NUMPY = {
                  'ones_like', 'empty_like', 'full_like')
 } | {name: _of_values(getattr(np, name)) for name in ('array', 'asarray')}  # fmt: skip
 _MODULES = {'math': _Instead(math, _OF_MATH), 'numpy': _Instead(np, _OF_NUMPY)}
+#: By identity, since not all that is called has a hash.
 _BY_ORIGINAL = {
-    getattr(module, name): function
+    id(getattr(module, name)): function
     for module, functions in ((math, _OF_MATH), (np, _OF_NUMPY))
     for name, function in functions.items()
 }
 
 
-def _imported(name: str, *details: Any) -> Any:
-    """Return a module that a function imports."""
-    return _MODULES.get(name) or builtins.__import__(name, *details)
+def _imported(
+    name: str, names: Any = None, inner: Any = None, parts: Any = (), level: int = 0
+) -> Any:
+    """Return a module that a function imports; a ``level`` above 0 is that of its package."""
+    if level == 0 and name in _MODULES:
+        return _MODULES[name]
+    return builtins.__import__(name, names, inner, parts, level)
 
 
 #: Names that Python always has.
@@ -135,8 +149,10 @@ def scope(names: dict[str, Any]) -> dict[str, Any]:
     whole = {**names, '__builtins__': _BUILTINS}
     for name, value in [*whole.items()]:
         if isinstance(value, FunctionType) and value.__globals__ is names:
-            known = value.__defaults__, value.__kwdefaults__, value.__closure__
-            whole[name] = rebound(value, whole, *known)
+            whole[name] = FunctionType(
+                value.__code__, whole, value.__name__, value.__defaults__, value.__closure__
+            )
+            whole[name].__kwdefaults__ = value.__kwdefaults__
         else:
             whole[name] = _counterpart(value)
     return whole
@@ -147,13 +163,16 @@ def _counterpart(value: Any) -> Any:
     if value is math or value is np:
         return _MODULES[value.__name__]
     module = getattr(value, '__module__', None) if callable(value) else None
-    return _BY_ORIGINAL.get(value, value) if module in _MODULES else value
+    if module in _MODULES:
+        return _BY_ORIGINAL.get(id(value), value)
+    # what a function keeps there is no symbol afterwards
+    return copy(value) if type(value) in (dict, list, set) else value
 
 
-def of_symbols(value: Any, inside: tuple[Any, ...] = ()) -> Any:
+def of_symbols(value: Any, inside: Mapping[int, Any] = _NOTHING) -> Any:
     """Return what takes symbols in the place of a function or a module; else the value.
 
-    A function ``inside`` itself stays as it is.
+    Within a function that calls itself, ``inside`` has what takes its place, by its identity.
     """
     counterpart = _counterpart(value)
     if counterpart is not value:
@@ -170,34 +189,25 @@ def of_symbols(value: Any, inside: tuple[Any, ...] = ()) -> Any:
     return value
 
 
-def _function(function: FunctionType, inside: tuple[Any, ...]) -> FunctionType:
+def _function(function: FunctionType, inside: Mapping[int, Any]) -> Any:
     """Return a function, with what is in its closure and its defaults, for symbols."""
-    if any(function is outer for outer in inside):
-        return function
-    inside = (*inside, function)
-    try:
-        cells = [of_symbols(cell.cell_contents, inside) for cell in function.__closure__ or ()]
-    except ValueError:  # a cell that is not set yet
-        return function
-    defaults = tuple(of_symbols(value, inside) for value in function.__defaults__ or ())
-    named = {
-        name: of_symbols(value, inside) for name, value in (function.__kwdefaults__ or {}).items()
-    }
-    names = scope(function.__globals__)
-    return rebound(function, names, defaults or None, named, tuple(map(CellType, cells)))
-
-
-def rebound(
-    function: FunctionType,
-    names: dict[str, Any],
-    defaults: tuple[Any, ...] | None,
-    named_defaults: dict[str, Any] | None,
-    closure: tuple[CellType, ...] | None,
-) -> FunctionType:
-    """Return a function with other global names, defaults and cells."""
-    other = FunctionType(function.__code__, names, function.__name__, defaults, closure)
-    other.__kwdefaults__ = named_defaults
+    if id(function) in inside:
+        return inside[id(function)]
+    other = rebound(function, scope(function.__globals__))
+    inside = {**inside, id(function): other}
+    for cell, own in zip(other.__closure__ or (), function.__closure__ or ()):
+        with suppress(ValueError):  # a cell that is not set yet
+            cell.cell_contents = of_symbols(own.cell_contents, inside)
+    other.__defaults__ = tuple(of_symbols(v, inside) for v in function.__defaults__ or ()) or None
+    named = (function.__kwdefaults__ or {}).items()
+    other.__kwdefaults__ = {name: of_symbols(value, inside) for name, value in named}
     return other
+
+
+def rebound(function: FunctionType, names: dict[str, Any]) -> FunctionType:
+    """Return a function with other global names, and cells of its closure that are still empty."""
+    cells = tuple(CellType() for _ in function.__closure__ or ())
+    return FunctionType(function.__code__, names, function.__name__, function.__defaults__, cells)
 
 
 def methods(value: Any) -> dict[str, MethodType]:
@@ -207,5 +217,68 @@ def methods(value: Any) -> dict[str, MethodType]:
         name: MethodType(of_symbols(function), value)
         for kind in reversed(kinds)
         for name, function in vars(kind).items()
-        if isinstance(function, FunctionType) and not name.startswith('__')
+        if isinstance(function, FunctionType)
+        and not name.startswith('__')
+        and name not in vars(value)
     }
+
+
+def read(value: Any, known: set[int] | None = None) -> Iterator[Hashable]:
+    """Yield the global names that the functions of a user read in an object, and what they hold.
+
+    Parameters
+    ----------
+    value
+        A model, a sensor, a function, or what has functions.
+    known
+        Identities of objects that were looked at; none by default.
+    """
+    known = set() if known is None else known
+    if id(value) in known:
+        return
+    known.add(id(value))
+    if isinstance(value, FunctionType):
+        for name in sorted(_names(value.__code__)):
+            if name in value.__globals__:
+                yield name
+                yield from _held(value.__globals__[name], known)
+        with suppress(ValueError):  # a cell that is not set yet
+            for cell in value.__closure__ or ():
+                yield from read(cell.cell_contents, known)
+    elif isinstance(value, MethodType):
+        yield from read(value.__func__, known)
+    elif isinstance(value, partial):
+        yield from read(value.func, known)
+    elif (
+        isinstance(value, (Dynamics, Sensor))
+        or hasattr(value, 'HAS_FUNCTION')
+        or ('__call__' in vars(type(value)) and not isinstance(value, type))
+    ):
+        for kind in type(value).__mro__:
+            if not kind.__module__.startswith((_PACKAGE, 'builtins', 'numpy', 'abc')):
+                for method in vars(kind).values():
+                    yield from read(method, known) if isinstance(method, FunctionType) else ()
+        for part in getattr(value, '__dict__', {}).values():
+            yield from read(part, known)
+
+
+def _held(value: Any, known: set[int]) -> Iterator[Hashable]:
+    """Yield what a global name holds, as far as formulas may depend on it."""
+    if isinstance(value, np.ndarray):
+        yield value.dtype.str, value.shape, value.tobytes()
+    elif isinstance(value, (int, float, complex, str, bytes, type(None))):
+        yield value
+    elif isinstance(value, (list, tuple, set)):
+        for part in value:
+            yield from _held(part, known)
+    elif isinstance(value, dict):
+        for pair in value.items():
+            yield from _held(pair, known)
+    elif isinstance(value, (FunctionType, MethodType, partial)):
+        yield from read(value, known)
+
+
+def _names(code: CodeType) -> set[str]:
+    """Return the names that a function, and those within it, may look up."""
+    inner = (part for part in code.co_consts if isinstance(part, CodeType))
+    return {*code.co_names}.union(*map(_names, inner))

@@ -293,8 +293,15 @@ def _extreme(
 
 
 def by_ways(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Return what a function returns, with all that it decides by the values of symbols."""
-    return every_way(lambda: function(*arguments), _either)
+    """Return what a function returns, with all that it decides by the values of symbols.
+
+    Each way has its arguments, which a function may change.
+    """
+
+    def run() -> Any:
+        return function(*(np.array(value, subok=True) for value in arguments))
+
+    return every_way(run, _either)
 
 
 def _either(condition: Any, results: Any, others: Any) -> Any:

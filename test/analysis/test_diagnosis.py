@@ -289,7 +289,8 @@ def test_stamps_that_are_rounded_while_the_receipt_is_regular():
     every = 0.0333 * np.arange(len(record))
     regular = replace(record, stamp=every, received=every + 0.004)
     coarse = replace(regular, stamp=np.round(every, 2))
-    for sensor, expected in ((regular, []), (coarse, ['stamps rounded'])):
+    blocks = replace(coarse, received=0.5 * np.ceil(2.0 * every) + 1e-5 * np.arange(len(every)))
+    for sensor, expected in ((regular, []), (coarse, ['stamps rounded']), (blocks, [])):
         found = stamps.find(Examination(evidence.with_sensor('position', sensor), strict=False))
         assert [finding.kind for finding in found if finding.kind == 'stamps rounded'] == expected
 

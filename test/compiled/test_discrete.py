@@ -147,6 +147,14 @@ def test_steps_that_are_not_whole_periods_are_refused(dt):
 
 
 @C
+def test_a_wrong_step_of_many_members_is_refused():
+    model = attempt(Swing()).result
+    x, u = points(3)
+    with pytest.raises(ValueError, match='whole numbers'):
+        model.linearized_step(x, u, 0.07)
+
+
+@C
 def test_in_another_process_it_is_compiled_again():
     model = attempt(Swing()).result
     other = pickle.loads(pickle.dumps(model))

@@ -16,6 +16,7 @@ from kalman_ros.compiled import attempt
 from kalman_ros.compiled.formulas import of_model
 from kalman_ros.compiled.free_parameters import Parameters, freed
 from kalman_ros.compiled.scalars import scope
+from kalman_ros.compiled.untraceable import UntraceableError
 
 OF_ONE = (
     'sin', 'cos', 'tan', 'asin', 'acos', 'atan', 'sinh', 'cosh', 'tanh', 'asinh', 'atanh', 'exp',
@@ -215,3 +216,157 @@ def test_a_sensor_with_math_is_recorded():
     H = np.array(found.jacobian.function('f')(x, parameters.values))
     np.testing.assert_allclose(H, sensor.jacobian(x), atol=1e-9)
     assert Parameters(sensor, opened=True).comparable
+
+
+LIMIT = 1.0
+CACHE = {}
+CURVE = np.poly1d([1.0, 0.0])  # which has no hash
+
+
+def limited(x, u):
+    return [x[0] + 0.1 * max(-LIMIT, min(LIMIT, u[0] - x[0]))]
+
+
+def cached(x):
+    if 'J' not in CACHE:
+        CACHE['J'] = np.diag([1.0, 2.0])
+    return CACHE['J'] @ x
+
+
+def described(function, **options):
+    return Parameters(kr.continuous_model(function, W=[1.0], **options), opened=True)
+
+
+def test_a_global_number_that_changes_is_another_formula(monkeypatch):
+    before = described(limited, inputs='u')
+    assert described(limited, inputs='u') == before
+    monkeypatch.setitem(globals(), 'LIMIT', 2.0)
+    assert described(limited, inputs='u') != before
+    model = kr.continuous_model(limited, W=[1.0], inputs='u')
+    formula, p = substeps(model)
+    assert float(formula([0.0], [5.0], [0.1], p)) == pytest.approx(
+        kr.continuous_model(limited, W=[1.0], inputs='u').substep(
+            np.zeros(1), np.full(1, 5.0), 0.1
+        )[0]
+    )
+
+
+def test_what_a_function_keeps_for_later_has_no_symbols():
+    formula, p = substeps(kr.continuous_model(cached, W=[1.0, 1.0]))
+    assert 'J' not in CACHE or CACHE['J'].dtype == float
+    model = kr.continuous_model(cached, W=[1.0, 1.0])
+    expected = model.substep(np.ones(2), np.zeros(0), 0.1)
+    np.testing.assert_allclose(np.array(formula(np.ones(2), [], [0.1], p))[:, 0], expected)
+
+
+@pytest.mark.slow
+def test_a_threshold_between_state_and_input_is_compared():
+    """Points of states and of inputs that were alike would never be on one side of it."""
+    model = kr.discrete_model(
+        lambda x, u: [x[0] + 0.1 * (1.0 if u[0] > x[0] else -0.2 * x[0])], Q=[0.1], inputs='u'
+    )
+    found = attempt(model)
+    assert found.arithmetic == 'C'
+    for x in np.random.default_rng(1).normal(0.0, 2.0, (50, 1)):
+        np.testing.assert_allclose(
+            found.result.step(x, np.zeros(1), 1.0), model.step(x, np.zeros(1), 1.0), rtol=1e-13
+        )
+
+
+class Clipped(kr.Model):
+    """A class with a decision for one state, whose method an attribute replaces."""
+
+    state, input = kr.Space('x v'), kr.Space('u')
+
+    def __init__(self, most=3.0):
+        self.soft = lambda v: min(max(v, -most), most)
+
+    def soft(self, v):
+        return v
+
+    def derivative(self, x, u):
+        return np.array([x[1], -self.soft(x[0]) + u[0]])
+
+    def state_jacobian(self, x, u):
+        return np.array([[0.0, 1.0], [-1.0 if abs(x[0]) < 3.0 else 0.0, 0.0]])
+
+    def noise_density(self, x):
+        return np.diag([0.0, 0.1])
+
+
+@pytest.mark.slow
+def test_a_class_for_one_state_is_compared_point_by_point():
+    model = Clipped()
+    found = attempt(model)
+    for x in np.random.default_rng(1).normal(0.0, 5.0, (50, 2)):
+        np.testing.assert_allclose(
+            found.result.step(x, np.zeros(1), 0.01), model.step(x, np.zeros(1), 0.01), rtol=1e-12
+        )
+
+
+class Base(kr.Model):
+    state, input = kr.Space('x'), kr.Space('')
+
+    def rate(self, x):
+        return -x
+
+    def derivative(self, x, u):
+        return self.rate(x)
+
+    def noise_density(self, x):
+        return np.eye(1)
+
+
+class Faster(Base):
+    def rate(self, x):
+        return -2.0 * x
+
+
+def test_methods_are_those_of_the_last_class():
+    formula, p = substeps(Faster())
+    assert float(formula([1.0], [], [0.1], p)) == pytest.approx(math.exp(-0.2), rel=1e-5)
+
+
+def test_functions_that_call_themselves():
+    def falling(x, n=3):
+        return math.sin(x) if n == 0 else 0.5 * falling(x, n - 1)
+
+    formula, p = substeps(kr.continuous_model(lambda x: [falling(x[0])], W=[1.0]))
+    expected = kr.continuous_model(lambda x: [falling(x[0])], W=[1.0]).substep(
+        np.ones(1), np.zeros(0), 0.1
+    )[0]
+    assert float(formula([1.0], [], [0.1], p)) == pytest.approx(expected, rel=1e-14)
+
+
+def test_numbers_of_symbols_are_floats_and_whole_numbers_stay_whole():
+    def rate(x):
+        steps = np.zeros(2, dtype=int)
+        steps[0] = 1.9
+        scale = 2.0 if isinstance(x[0], float) else 1.0
+        return [scale * x[0] + steps[0], max(x[0], x[1], key=lambda value: 1.0)]
+
+    formula, p = substeps(kr.continuous_model(rate, W=[1.0, 1.0]))
+    expected = kr.continuous_model(rate, W=[1.0, 1.0]).substep(np.ones(2), np.zeros(0), 0.1)
+    np.testing.assert_allclose(np.array(formula(np.ones(2), [], [0.1], p))[:, 0], expected)
+
+
+@pytest.mark.parametrize(
+    'function',
+    [lambda x: np.array([x[0], x[1]], dtype=int), lambda x: np.array([x[0], x[1]], 'float32')],
+)
+def test_other_kinds_of_arrays_are_refused(function):
+    with pytest.raises(UntraceableError, match=r'np\.array with options'):
+        freed(kr.continuous_model(function, W=[1.0, 1.0]), lambda p: of_model(p.original, p))
+
+
+def test_each_way_has_its_arguments():
+    def rate(x):
+        y = np.asarray(x)
+        if x[0] > 0.5:
+            y[1] = 3.0
+        return [y[1], -x[0]]
+
+    formula, p = substeps(kr.continuous_model(rate, W=[1.0, 1.0]))
+    for x in ([0.2, 0.1], [0.9, 0.1]):
+        expected = kr.continuous_model(rate, W=[1.0, 1.0]).substep(np.array(x), np.zeros(0), 0.01)
+        np.testing.assert_allclose(np.array(formula(x, [], [0.01], p))[:, 0], expected)

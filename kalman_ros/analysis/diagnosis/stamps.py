@@ -33,6 +33,8 @@ _ONE_BY_ONE = 0.3
 _TOGETHER = 0.2
 #: Stamps may be rounded to one of these times (s), which matters above a share of their distance.
 _GRIDS, _COARSE, _ENOUGH = (1.0, 0.1, 0.05, 0.02, 0.01, 0.005, 0.001), 0.05, 20
+#: Readings are received in blocks if the usual time between two differs by more than this share.
+_IN_BLOCKS = 0.5
 
 
 def find(case: Examination) -> Iterator[Finding]:
@@ -179,7 +181,9 @@ def _find_rounded(evidence: Evidence, name: str, record: SensorRecord) -> Iterat
     if not grid:
         return
     usual = float(np.median(gaps))
-    spread, of_receipt = (float(np.std(x[x < 1.7 * usual])) for x in (gaps, received) if len(x))
+    if abs(float(np.median(received)) / usual - 1.0) > _IN_BLOCKS:
+        return
+    spread, of_receipt = (float(np.std(x[x < 1.7 * usual])) for x in (gaps, received))
     if grid > _COARSE * usual and spread > 2.0 * of_receipt:
         yield _rounded(
             name, record,
