@@ -195,9 +195,9 @@ def _function(function: FunctionType, inside: Mapping[int, Any]) -> Any:
         return inside[id(function)]
     other = rebound(function, scope(function.__globals__))
     inside = {**inside, id(function): other}
-    for cell, own in zip(other.__closure__ or (), function.__closure__ or ()):
+    for cell, original in zip(other.__closure__ or (), function.__closure__ or ()):
         with suppress(ValueError):  # a cell that is not set yet
-            cell.cell_contents = of_symbols(own.cell_contents, inside)
+            cell.cell_contents = of_symbols(original.cell_contents, inside)
     other.__defaults__ = tuple(of_symbols(v, inside) for v in function.__defaults__ or ()) or None
     named = (function.__kwdefaults__ or {}).items()
     other.__kwdefaults__ = {name: of_symbols(value, inside) for name, value in named}
