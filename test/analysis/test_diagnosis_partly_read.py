@@ -65,9 +65,17 @@ def test_one_that_is_not_turned_is_not_found():
 def test_without_the_other_axis_there_is_nothing_to_compare():
     assert not list(partly_read.find(Examination(turned(0.2, with_vector=False))))
     evidence = turned(0.2)
-    for value in (evidence.sensors['imu'].value, 0.0 * evidence.sensors['imu'].value):
-        other = replace(evidence, rerun=lambda *_, value=value: evidence.with_values('imu', value))
+    known = evidence.sensors['imu'].value
+    for factor in (1.0, 0.0):
+        other = replace(
+            evidence, rerun=lambda *_, f=factor: evidence.with_values('imu', f * known)
+        )
         assert not list(partly_read.find(Examination(other)))
+
+    def nearly_zero(changes, seconds=np.inf):
+        return evidence.with_values('imu', 6e-17 * changes['imu.mount.rotation'][2] * known)
+
+    assert not list(partly_read.find(Examination(replace(evidence, rerun=nearly_zero))))
 
 
 @pytest.mark.parametrize(

@@ -27,6 +27,10 @@ from .responses import Columns, Fit, responses
 
 #: The smallest angle that is a finding, in rad.
 _SMALL = 0.01
+#: Seconds in which two mountings are compared.
+_GLANCE = 5.0
+#: An axis is zero if it is no larger than this share of the other one, as a turn leaves it.
+_ROUNDED = 1e-9
 _LEVEL = ('x', 'y')
 
 
@@ -68,7 +72,8 @@ class _PartlyRead:
         if not indices or not len(record):
             return None
         rerun: Any = evidence.rerun
-        turned = _quarter_turn(rerun, name, _mounted(evidence, name, 0.5 * pi))
+        turns = (_mounted(evidence, name, angle) for angle in (0.5 * pi, -0.5 * pi))
+        turned = _quarter_turn(rerun, name, *turns)
         if turned is None or not len(turned):
             return None
         rows = np.searchsorted(turned.received, record.received)
@@ -78,8 +83,8 @@ class _PartlyRead:
         ahead, across = np.zeros_like(record.value), np.zeros_like(record.value)
         ahead[:, indices] = record.value[:, indices]
         across[:, indices] = turned.value[rows][:, indices]
-        # a recording of arrays has no other axis to bring, and a driver may leave it at zero
-        if np.array_equal(across, ahead, equal_nan=True) or not np.nan_to_num(across).any():
+        sizes = [float(np.nanmax(np.abs(axis), initial=0.0)) for axis in (ahead, across)]
+        if sizes[1] <= _ROUNDED * sizes[0]:  # a driver leaves it at zero
             return None
         return _PartlyRead(evidence, name, ahead, across)
 
@@ -132,10 +137,18 @@ def _mounted(evidence: Evidence, name: str, angle: float) -> tuple[float, ...]:
 
 
 @lru_cache(maxsize=8)
-def _quarter_turn(rerun: Any, name: str, mount: tuple[float, ...]) -> SensorRecord | None:
-    """Return the readings of a sensor with another mounting; None where that is not possible."""
+def _quarter_turn(
+    rerun: Any, name: str, mount: tuple[float, ...], opposite: tuple[float, ...]
+) -> SensorRecord | None:
+    """Return the readings of a sensor with another mounting; None where that changes nothing."""
+    option = f'{name}.mount.rotation'
     try:
-        record: SensorRecord = rerun({f'{name}.mount.rotation': [*mount]}).sensors[name]
+        first, second = (
+            rerun({option: [*angles]}, _GLANCE).sensors[name].value for angles in (mount, opposite)
+        )
+        if np.array_equal(first, second, equal_nan=True):
+            return None  # arrays in the place of messages have no other axis
+        record: SensorRecord = rerun({option: [*mount]}).sensors[name]
     except ValueError:  # its messages have no such vector
         return None
     return record
