@@ -27,10 +27,9 @@ from .responses import Columns, Fit, responses
 
 #: The smallest angle that is a finding, in rad.
 _SMALL = 0.01
-#: Seconds in which two mountings are compared.
-_GLANCE = 5.0
-#: An axis is zero if it is no larger than this share of the other one, as a turn leaves it.
-_ROUNDED = 1e-9
+#: Seconds in which two opposite mountings are compared, and by how much they differ at least: by
+#: nothing if arrays stand for messages, or if a driver leaves the other axis at zero.
+_GLANCE, _ROUNDED = 5.0, 1e-9
 _LEVEL = ('x', 'y')
 
 
@@ -83,9 +82,6 @@ class _PartlyRead:
         ahead, across = np.zeros_like(record.value), np.zeros_like(record.value)
         ahead[:, indices] = record.value[:, indices]
         across[:, indices] = turned.value[rows][:, indices]
-        sizes = [float(np.nanmax(np.abs(axis), initial=0.0)) for axis in (ahead, across)]
-        if sizes[1] <= _ROUNDED * sizes[0]:  # a driver leaves it at zero
-            return None
         return _PartlyRead(evidence, name, ahead, across)
 
     def fit(self, case: Examination, angle: float) -> Fit:
@@ -146,8 +142,10 @@ def _quarter_turn(
         first, second = (
             rerun({option: [*angles]}, _GLANCE).sensors[name].value for angles in (mount, opposite)
         )
-        if np.array_equal(first, second, equal_nan=True):
-            return None  # arrays in the place of messages have no other axis
+        with np.errstate(invalid='ignore'):
+            apart = np.abs(np.nan_to_num(first - second)).max(initial=0.0)
+        if apart <= _ROUNDED:
+            return None
         record: SensorRecord = rerun({option: [*mount]}).sensors[name]
     except ValueError:  # its messages have no such vector
         return None
