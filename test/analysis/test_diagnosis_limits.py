@@ -676,7 +676,7 @@ def rounded(grid, every, count=41, noise=0.0, off=0.0):
 
 
 def roundings(readings):
-    findings = stamps._find_rounded('position', readings)
+    findings = stamps._find_rounded(case(readings).evidence, 'position', readings)
     return [finding.sentence.partition(',')[0] for finding in findings]
 
 
