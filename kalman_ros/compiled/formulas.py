@@ -87,7 +87,7 @@ class ModelFormulas(NamedTuple):
 
 
 class DiscreteModelFormulas(NamedTuple):
-    """What steps of a model in discrete time are made of, for numbers p of the model.
+    """Functions of a model in discrete time that its steps call, for numbers p of the model.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ class DiscreteModelFormulas(NamedTuple):
     density
         Q of a period, of x and p.
     period
-        Of p.
+        Seconds from one step to the next, of p.
     """
 
     substep: Trace

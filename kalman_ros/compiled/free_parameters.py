@@ -11,18 +11,17 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from contextlib import suppress
 from copy import copy
-from types import FunctionType, MappingProxyType
+from types import FunctionType
 from typing import Any, TypeVar
 
 import numpy as np
 
 from kalman_ros.core import Array, Dynamics, Sensor
 
-from .scalars import methods, of_symbols, read, rebound, scope
+from .scalars import NOTHING, methods, of_symbols, read, rebound, scope
 from .untraceable import UntraceableError
 
 T = TypeVar('T')
-_NOTHING: Mapping[int, Any] = MappingProxyType({})
 
 
 class Parameters:
@@ -144,7 +143,7 @@ class _Replacement:
     def __init__(self, numbers: Iterator[Any], opened: bool, scoped: bool) -> None:
         self._numbers, self._opened, self._scoped = numbers, opened, scoped
 
-    def __call__(self, value: Any, inside: Mapping[int, Any] = _NOTHING) -> Any:
+    def __call__(self, value: Any, inside: Mapping[int, Any] = NOTHING) -> Any:
         """Return a copy of a value that is within functions."""
         if isinstance(value, (Dynamics, Sensor)):
             return self._copied(value, inside)

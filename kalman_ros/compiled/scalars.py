@@ -23,7 +23,8 @@ from kalman_ros.core import Dynamics, Sensor
 from .symbols import Symbol, Symbols
 from .untraceable import UntraceableError
 
-_NOTHING: Mapping[int, Any] = MappingProxyType({})
+#: Of a function that is within no other one.
+NOTHING: Mapping[int, Any] = MappingProxyType({})
 _PACKAGE = f'{__name__.partition(".")[0]}.'
 
 
@@ -169,7 +170,7 @@ def _counterpart(value: Any) -> Any:
     return copy(value) if type(value) in (dict, list, set) else value
 
 
-def of_symbols(value: Any, inside: Mapping[int, Any] = _NOTHING) -> Any:
+def of_symbols(value: Any, inside: Mapping[int, Any] = NOTHING) -> Any:
     """Return what takes symbols in the place of a function or a module; else the value.
 
     Within a function that calls itself, ``inside`` has what takes its place, by its identity.
@@ -210,16 +211,21 @@ def rebound(function: FunctionType, names: dict[str, Any]) -> FunctionType:
     return FunctionType(function.__code__, names, function.__name__, function.__defaults__, cells)
 
 
+def _defined(value: Any) -> Iterator[tuple[str, FunctionType]]:
+    """Yield the functions of the classes of a user, by name, the last class at the end."""
+    for kind in reversed(type(value).__mro__):
+        if not kind.__module__.startswith((_PACKAGE, 'builtins', 'numpy', 'abc')):
+            for name, function in vars(kind).items():
+                if isinstance(function, FunctionType):
+                    yield name, function
+
+
 def methods(value: Any) -> dict[str, MethodType]:
     """Return the methods of the class of a user, for symbols, by name."""
-    kinds = [kind for kind in type(value).__mro__ if not kind.__module__.startswith(_PACKAGE)]
     return {
         name: MethodType(of_symbols(function), value)
-        for kind in reversed(kinds)
-        for name, function in vars(kind).items()
-        if isinstance(function, FunctionType)
-        and not name.startswith('__')
-        and name not in vars(value)
+        for name, function in _defined(value)
+        if not name.startswith('__') and name not in vars(value)
     }
 
 
@@ -254,10 +260,8 @@ def read(value: Any, known: set[int] | None = None) -> Iterator[Hashable]:
         or hasattr(value, 'HAS_FUNCTION')
         or ('__call__' in vars(type(value)) and not isinstance(value, type))
     ):
-        for kind in type(value).__mro__:
-            if not kind.__module__.startswith((_PACKAGE, 'builtins', 'numpy', 'abc')):
-                for method in vars(kind).values():
-                    yield from read(method, known) if isinstance(method, FunctionType) else ()
+        for _, method in _defined(value):
+            yield from read(method, known)
         for part in getattr(value, '__dict__', {}).values():
             yield from read(part, known)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What stops the recording of formulas."""
+"""The exception of functions whose formulas cannot be recorded."""
 
 from __future__ import annotations
 
