@@ -6,7 +6,10 @@ import pytest
 
 pytest.importorskip('casadi')
 
+import casadi
+
 from kalman_ros.compiled.branches import MOST_WAYS
+from kalman_ros.compiled.symbols import by_ways, symbols
 from kalman_ros.compiled.tracing import trace
 from kalman_ros.compiled.untraceable import UntraceableError
 
@@ -64,6 +67,20 @@ def test_the_same_question_is_asked_once():
 
     trace(asks, (POINTS[0],))
     assert len(runs) == 2 + 1  # with symbols both ways, and with numbers
+
+
+def test_what_one_way_changes_in_its_arguments_is_not_seen_by_the_next():
+    def changing(x):
+        if x[0] > 0.0:
+            x[1] = 3.0
+        return [x[1], x[0]]
+
+    formulas = trace(lambda x: changing(x.copy()), (POINTS[0],)).function('f')
+    variables, x = symbols(2)
+    ways = by_ways(changing, x)
+    direct = casadi.Function('f', [variables], [casadi.vertcat(*(way.formula for way in ways))])
+    for point in POINTS:
+        np.testing.assert_allclose(np.array(direct(point)), np.array(formulas(point)))
 
 
 def test_a_loop_without_an_end_is_refused():
