@@ -88,13 +88,13 @@ def density(factor, after, gain, certainty=0.5):
 def test_changes_of_a_process_noise_are_one(evidence):
     """Too small by 9 at first, and by 1.8 too large after other causes: by 5, after all."""
     bias = Finding('bias', 'imu', 'readings of imu are off', 4.0, gain=40.0)
-    findings = noise_levels.restated(
-        evidence, [density(9.0, 8.1, 900.0), bias, density(1 / 1.8, 2.5, 40.0, 0.99)]
-    )
+    grown = replace(density(9.0, 8.1, 900.0), same_as=(('random walk', 'imu'),))
+    findings = noise_levels.restated(evidence, [grown, bias, density(1 / 1.8, 2.5, 40.0, 0.99)])
     expected = [('process noise too small', 'turn_noise', 940.0), ('bias', 'imu', 40.0)]
     assert stated(findings) == expected
     assert findings[0].change == {'model_parameters.turn_noise': 2.5}
-    assert findings[0].certainty == 0.99
+    # that it was too much at first does not make the cause surer, and rivals stay
+    assert (findings[0].certainty, findings[0].same_as) == (0.5, (('random walk', 'imu'),))
     assert 'its root by a factor of 5 (' in findings[0].sentence
     assert findings[0].sentence.endswith(': 2.5 fits.')
     alone = [density(9.0, 8.1, 900.0), bias]

@@ -23,7 +23,7 @@ _SMALL, _LARGE, _CORRELATED = 0.8, 1.3, 0.15
 #: Significance of either, in standard deviations.
 _FAR = 6.0
 #: It must explain this many times as much as smaller noise that is white about a constant.
-_BETTER = 1.5
+_BETTER = 1.2
 #: Seed of the white noise in place of the correlated one.
 _SEED = 2
 

@@ -53,6 +53,7 @@ from . import (
     saturation,
     stamps,
     stretch,
+    uneven_stamps,
     units,
     unobserved_states,
     unrelated,
@@ -76,7 +77,7 @@ FITTED: Sequence[Detector] = (
     unrelated.find, outliers.find, lateness.hidden,
     lag.find, backlash.find, coloured.find, bias.find, inputs.find, input_axes.find,
     contradicted_parameters.find, first_belief.find, noise_levels.find, lever_arms.find,
-    stretch.find,
+    stretch.find, uneven_stamps.find,
 )  # fmt: skip
 #: Detectors of findings that hold from the first seconds on.
 SIMPLE: Sequence[Detector] = (

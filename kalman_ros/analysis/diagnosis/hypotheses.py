@@ -131,7 +131,7 @@ def _sensor_columns(
     for i in range(k):
         block[:, i, len(labels)] = np.maximum(values[:, i], 0.0)
         labels.append(('upper', name, str(i)))
-    block[:, :, -1] = _rates(evidence, passage, name)
+    block[:, :, -1] = reading_rates(evidence, passage, name)
     labels.append(('stamp', name))
     ways = _directions(block[:, :, -1])
     for i in np.flatnonzero(np.ptp(ways, axis=0) == 2.0).tolist():
@@ -150,7 +150,7 @@ def _sensor_columns(
 
 def directions(evidence: Evidence, passage: Passage, name: str) -> Array:
     """Return the direction, -1 or 1, in which each coordinate of a sensor moves (N, k)."""
-    return _directions(_rates(evidence, passage, name))
+    return _directions(reading_rates(evidence, passage, name))
 
 
 def walks(evidence: Evidence, passage: Passage, name: str) -> bool:
@@ -160,7 +160,7 @@ def walks(evidence: Evidence, passage: Passage, name: str) -> bool:
     """
     times, index, nu = (passage.series(field, name) for field in ('time', 'index', 'innovation'))
     predicted = evidence.sensors[name].value[index] - nu
-    rates = _rates(evidence, passage, name)
+    rates = reading_rates(evidence, passage, name)
     by_rates = np.cumsum(rates * np.diff(times, prepend=times[:1])[:, None], axis=0)
     moved, expected = (np.diff(values[::_SPAN], axis=0) for values in (predicted, by_rates))
     if not len(moved):
@@ -170,7 +170,7 @@ def walks(evidence: Evidence, passage: Passage, name: str) -> bool:
     return bool(np.any(left > _UNEXPLAINED * size))
 
 
-def _rates(evidence: Evidence, passage: Passage, name: str) -> Array:
+def reading_rates(evidence: Evidence, passage: Passage, name: str) -> Array:
     """Return the rate of each coordinate of a sensor's readings (N, k)."""
     H, X, U = (passage.series(field, name) for field in 'Hxu')
     return np.asarray(np.einsum('eij,ej->ei', H, evidence.scenario.model.time_derivative(X, U)))

@@ -155,10 +155,15 @@ def _net(changes: Sequence[Finding]) -> Iterator[Finding]:
     net = levels[-1]._replace(factor=factor, spread=max(level.spread for level in levels))
     if abs(np.log(factor)) > np.log(_RELEVANT):
         gain = sum(finding.gain for finding in changes)
+        # what takes a part of it back says nothing of the cause
+        sure = max(
+            finding.certainty
+            for finding, level in zip(changes, levels)
+            if (level.factor > 1.0) == (factor > 1.0)
+        )
         yield replace(
             max(changes, key=lambda finding: finding.gain), **_density_stated(net), density=net,
-            gain=gain, z=gain**0.5, certainty=max(finding.certainty for finding in changes),
-            same_as=(),
+            gain=gain, z=gain**0.5, certainty=sure,
         )  # fmt: skip
 
 

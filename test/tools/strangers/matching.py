@@ -34,7 +34,7 @@ NAMES = {
     'correlated noise': ('correlated noise',),
     'coloured noise': ('coloured noise', 'random walk'), 'losses': ('losses', 'losses in bursts'),
     'stamps': ('stamps duplicated', 'stamps backward', 'stamps late', 'stamps early', 'jitter',
-               'stamps rounded'),
+               'stamps rounded', 'stamps uneven'),
     'noise': ('noise too small', 'noise too large'), 'parameter': ('parameter',),
     'quantised': ('quantised',), 'scale 0': ('scale', 'unrelated'),
     'process noise': ('process noise too small', 'process noise too large'),

@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Stamps that are wrong at random: errors as large as what is read moves meanwhile."""
+
+import numpy as np
+import pytest
+from tools.doctor_score.recordings import recorded
+
+from kalman_ros.analysis.diagnosis import uneven_stamps
+from kalman_ros.analysis.diagnosis.diagnose import diagnose
+from kalman_ros.analysis.diagnosis.examination import Examination
+
+
+def evidence_of(std, noise=1.0):
+    """Return a spring that is read ``std`` s beside its stamps, or with more noise."""
+    evidence = recorded('mass_spring_damper', None, 40.0, 4)
+    record, beliefs = evidence.sensors['position'], evidence.beliefs
+    rng = np.random.default_rng(7)
+    velocity = np.interp(record.stamp, beliefs.time, beliefs.mean[:, 1])
+    value = record.value.copy()
+    value[:, 0] += velocity * std * rng.normal(size=len(value))
+    scatter = np.sqrt(record.covariance[:, 0, 0] * max(noise**2 - 1.0, 0.0))
+    value[:, 0] += scatter * rng.normal(size=len(value))
+    return evidence.with_values('position', value)
+
+
+@pytest.mark.parametrize('std', [0.15, 0.3])
+def test_they_are_found_with_their_spread(std):
+    case = Examination(evidence_of(std))
+    findings = {finding.subject: finding for finding in uneven_stamps.find(case)}
+    finding = findings['position']
+    size = float(finding.sentence.partition('within ')[2].split()[0])
+    assert size == pytest.approx(std, rel=0.25)
+    after = Examination(finding.mended())
+    assert case.passage.misfit - after.passage.misfit > 0.7 * finding.gain > 30.0
+
+
+def test_right_stamps_are_not_found():
+    assert not list(uneven_stamps.find(Examination(evidence_of(0.0))))
+
+
+@pytest.mark.slow
+def test_they_come_before_noise_and_noise_before_them(monkeypatch):
+    monkeypatch.setenv('KALMAN_ROS_ARITHMETIC', 'compiled')
+    kinds = [
+        diagnose(evidence_of(*fault), proofs=False).findings[0].kind
+        for fault in ((0.2,), (0.0, 2.0))
+    ]
+    assert kinds == ['stamps uneven', 'noise too small']
