@@ -137,6 +137,23 @@ def test_stamps_are_multiples_of_a_time_by_the_clock_that_counts(spring, origin)
     assert stamps._grid(evidence, record.select(slice(stamps._ENOUGH))) == 0.0  # too few
 
 
+def test_stamps_are_multiples_of_the_least_time_between_them(spring):
+    """Not those of a sensor with a constant period, of which some readings are lost."""
+    name, rng = 'position', np.random.default_rng(3)
+    taken = 0.1 * np.arange(100) + rng.uniform(0.0, 0.02, 100)
+    record = spring.sensors[name].select(slice(100))
+
+    def grid(stamp):
+        return stamps._grid(spring, replace(record.select(slice(len(stamp))), stamp=stamp))
+
+    for step in (0.036, 0.26):  # below and above the time between readings
+        rounded = 0.0123 + step * np.floor(taken / step)
+        assert grid(rounded) == pytest.approx(step, abs=1e-6)
+    regular = 0.0123 + 0.1 * np.arange(100)
+    assert grid(regular) == grid(regular[rng.random(100) > 0.2]) == 0.0
+    assert grid(taken) == 0.0
+
+
 @pytest.mark.parametrize(('late', 'kind'), [(0.05, 'stamps rounded'), (0.15, 'clock offset')])
 def test_an_age_below_the_grid_of_all_stamps_is_what_rounding_took(
     monkeypatch, spring, late, kind

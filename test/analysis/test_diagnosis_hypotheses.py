@@ -274,6 +274,35 @@ def test_several_stretches_are_told_from_one_that_goes_on():
     assert stretch.several(nothing, 30.0) is None
 
 
+@pytest.mark.parametrize('level', [1e-3, 1.0])
+def test_clusters_are_what_is_off_and_not_the_readings_between_them(level):
+    """Where next to nothing tells the level, an offset of all that is right fits, too."""
+    B, clusters = 40, [(8, 12), (20, 24), (33, 36)]
+    M = 50.0 * (np.eye(B) - (1.0 - level) / B)
+    truth = np.zeros(B)
+    for begin, end in clusters:
+        truth[begin:end] = 5.0
+    g = M @ truth
+    pieces = stretch.Pieces(g[:, None], M[:, None, :, None])
+    between = [(1, 8), (12, 20), (24, 33)]
+    every = pieces.fitted(sorted([*clusters, *between]))
+    largest = stretch._largest(pieces, every, 30.0)
+    assert largest.stretches == clusters
+    np.testing.assert_allclose(largest.size[:, 0], 5.0, atol=0.1)
+    # one offset alone, and offsets that are alike, stay
+    assert stretch._largest(pieces, largest, 30.0) is largest
+    off = {at for part in stretch.several(pieces, 30.0).stretches for at in range(*part)}
+    assert off == {at for cluster in clusters for at in range(*cluster)}
+
+
+@pytest.mark.parametrize(('last', 'steps'), [(80.0, True), (79.0, True), (78.0, False)])
+def test_an_offset_that_lasts_to_the_end_is_a_step(last, steps):
+    limits = np.append(np.linspace(0.0, last, 40), 80.0)
+    pieces = stretch.Pieces(np.ones((40, 1)), np.eye(40)[:, None, :, None])
+    assert stretch._is_step(pieces.fitted([(20, 39)]), limits) is steps
+    assert not stretch._is_step(pieces.fitted([(3, 6), (20, 39)]), limits)
+
+
 def reflected(t, y):
     for begin in (2.0, 5.0, 9.0):
         y[(t > begin) & (t < begin + 1.5)] += 0.8

@@ -362,6 +362,18 @@ def test_a_step_of_a_bias_that_the_estimator_follows():
     assert np.median(mended[late]) == pytest.approx(np.median(mended[~late]), abs=0.05)
 
 
+def test_a_step_is_tried_beside_a_drift_that_explains_nearly_as_much():
+    """A step about the middle has much of the shape of a ramp."""
+    spring = recorded('mass_spring_damper', None, 20.0, 3)
+    record = spring.sensors['velocity']
+    late = record.stamp[:, None] >= spring.start + 8.0
+    ramp = 0.1 * (record.stamp[:, None] - spring.start) / 20.0
+    mixed = spring.with_values('velocity', record.value + 0.3 * late + ramp)
+    findings = bias.find(Examination(mixed))
+    kinds = [each.kind for each in findings if each.subject == 'velocity']
+    assert kinds == ['drift', 'bias']
+
+
 def test_a_factor_far_from_one_is_that_of_the_readings():
     """A filter that believes the wrong readings predicts them, so that a regression knows none."""
     spring = recorded('mass_spring_damper', None, 20.0, 3)

@@ -239,7 +239,7 @@ def test_noise_of_no_size_is_not_examined(monkeypatch):
     assert list(coloured.find(case)) == []
 
 
-@pytest.mark.parametrize(('white', 'count'), [(60.0, 1), (70.0, 0)])
+@pytest.mark.parametrize(('white', 'count'), [(80.0, 1), (90.0, 0)])
 def test_smaller_white_noise_that_explains_nearly_as_much_is_preferred(monkeypatch, white, count):
     given = passed(recorded(240, density=0.0))
     monkeypatch.setattr(coloured.wandering, 'coloured', lambda *_: (100.0, 1.0, None))

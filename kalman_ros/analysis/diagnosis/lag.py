@@ -24,7 +24,7 @@ from .passage import Passage
 from .responses import Columns, responses
 
 #: Trial time constants, as multiples of the mean interval of the readings, and how many.
-_SHORTEST, _COUNT = 0.5, 12
+_SHORTEST, _COUNT = 0.1, 16
 #: The longest one, as a share of the recording.
 _LONGEST = 0.05
 #: Factors by which a time constant is refined.

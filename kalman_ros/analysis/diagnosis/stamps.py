@@ -31,8 +31,10 @@ _SEVERAL = 1.9
 _ONE_BY_ONE = 0.3
 #: Stamps are those of one instant below this share of the usual time between readings.
 _TOGETHER = 0.2
-#: Stamps may be rounded to one of these times (s), which matters above a share of their distance.
-_GRIDS, _COARSE, _ENOUGH = (1.0, 0.1, 0.05, 0.02, 0.01, 0.005, 0.001), 0.05, 20
+#: Stamps may be rounded to one of these times (s), or to the least difference of two distances
+#: that is above the second number; it matters above a share of their distance.
+_GRIDS, _FINEST = (1.0, 0.1, 0.05, 0.02, 0.01, 0.005, 0.001), 1e-3
+_COARSE, _ENOUGH = 0.05, 20
 #: Readings are received in blocks if the usual time between two differs by more than this share.
 _IN_BLOCKS = 0.5
 
@@ -202,8 +204,19 @@ def _grid(evidence: Evidence, record: SensorRecord) -> float:
     stamps = _different(record) + evidence.origin % 1_000_000_000 * 1e-9
     if len(stamps) <= _ENOUGH:
         return 0.0
-    off = (np.abs(stamps / grid - np.round(stamps / grid)).max() * grid for grid in _GRIDS)
-    return next((grid for grid, most in zip(_GRIDS, off) if most <= 1e-6), 0.0)
+    gaps = np.diff(stamps)
+    steps = np.diff(np.unique(np.round(gaps, 6)), prepend=0.0)
+    least = float(steps[steps > _FINEST].min(initial=inf))
+    shared = record.stamped.sum() > _SEVERAL * len(stamps)
+    # steps of one length alone are the period of the sensor
+    uneven = float(np.median(gaps)) > 1.5 * least
+    if least < inf and (shared or uneven) and _are_multiples(stamps - stamps[0], least):
+        return least
+    return next((grid for grid in _GRIDS if _are_multiples(stamps, grid)), 0.0)
+
+
+def _are_multiples(times: Array, step: float) -> bool:
+    return bool(np.abs(times / step - np.round(times / step)).max() * step <= 1e-6)
 
 
 def _selection(case: Examination, name: str, record: SensorRecord, rows: Any) -> dict[str, Any]:

@@ -31,6 +31,10 @@ _MOST_STRETCHES = 12
 _FEW = 4
 #: A sensor is examined in shorter pieces from this share of the largest gain on.
 _CLOSE = 0.4
+#: An offset is large from this share of the largest one on; what the others may explain.
+_LARGE, _NEARLY = 0.5, 0.05
+#: A stretch lasts to the end if it ends within this share of the recording before it.
+_AT_THE_END = 0.02
 #: How many stretches that gain too little are skipped.
 _MISSES = 3
 #: Share of the information that is added, so that what shows in nothing has an inverse, and share
@@ -166,7 +170,21 @@ def several(pieces: Pieces, cost: float) -> Offsets | None:
             break
         else:
             refused[begin:end], misses = True, misses + 1
-    return _pruned(pieces, best, cost) if best else None
+    return _pruned(pieces, _largest(pieces, best, cost), cost) if best else None
+
+
+def _largest(pieces: Pieces, offsets: Offsets, cost: float) -> Offsets:
+    """Return the stretches of large offsets alone, if these explain nearly as much.
+
+    Where no other sensor tells the level, an offset of the readings between clusters fits, too.
+    """
+    size = np.abs(offsets.size)
+    large = (size >= _LARGE * size.max(axis=0)).any(axis=1)
+    if large.all():
+        return offsets
+    fewer = pieces.fitted([stretch for stretch, kept in zip(offsets.stretches, large) if kept])
+    least = max(cost * int((~large).sum()), _NEARLY * offsets.gain)
+    return fewer if offsets.gain - fewer.gain < least else offsets
 
 
 def _pruned(pieces: Pieces, offsets: Offsets, cost: float) -> Offsets | None:
@@ -211,10 +229,16 @@ def _find_exactly(case: Examination, name: str, limits: Array) -> Iterator[Findi
     ]
     limits = np.unique(np.concatenate([limits[[0, -1]], *around]))
     fine = _several_of(case, _offsets(case, name, limits))
-    if fine is None or len(fine.stretches) > _MOST_STRETCHES:
+    if fine is None or len(fine.stretches) > _MOST_STRETCHES or _is_step(fine, limits):
         return
     if sum(limits[end] - limits[begin] for begin, end in fine.stretches) < _MOST * np.ptp(limits):
         yield _shifted(case, name, fine, limits)
+
+
+def _is_step(offsets: Offsets, limits: Array) -> bool:
+    """Return whether a sensor is off from a time on, until the recording ends."""
+    ((_, end), *others) = offsets.stretches
+    return not others and bool(limits[-1] - limits[end] < _AT_THE_END * np.ptp(limits))
 
 
 def _several_of(case: Examination, pieces: Pieces) -> Offsets | None:
