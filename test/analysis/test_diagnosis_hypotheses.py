@@ -3,6 +3,7 @@
 
 from dataclasses import replace
 from re import findall
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -119,6 +120,26 @@ def test_noise_in_common_is_found_where_nothing_else_is_wrong(spring):
     findings = common_noise.find(Examination(replace(both, sensors=wider)))
     assert [finding.kind for finding in findings] == ['correlated noise']
     assert common_noise.find(Examination(spring)) == []
+
+
+def test_readings_of_two_sensors_are_paired_with_the_nearest_ones():
+    times = {'a': [0.0, 1.0, 2.0, 3.0, 4.0], 'b': [0.45, 1.1, 2.9, 3.2, 9.0]}
+
+    def pairs(**given):
+        read = SimpleNamespace(series=lambda field, name: np.array(given[name]))
+        return common_noise._together(read, *given).tolist()
+
+    # 0.45 is nearest to 0, 3.2 has a nearer one before it, and 9 is too far
+    assert pairs(**times) == [[0, 0], [1, 1], [3, 2]]
+    assert pairs(**dict(reversed(times.items()))) == [[0, 0], [1, 1], [2, 3]]
+    assert pairs(a=[1.0], b=[1.0, 2.0]) == []
+
+
+def test_coordinates_are_paired_with_those_they_are_correlated_with():
+    r = np.array([[0.1, 0.9, 0.0], [0.6, 0.8, 0.2]])
+    assert common_noise._correlated(r).tolist() == [[0, 1], [1, 0]]
+    assert common_noise._correlated(0.7 * np.eye(2) + 0.3).tolist() == [[0, 0], [1, 1]]
+    assert common_noise._correlated(np.array([[0.5, 0.2], [0.1, 0.2]])).tolist() == [[0, 0]]
 
 
 @pytest.mark.thorough

@@ -14,7 +14,6 @@ from kalman_ros.analysis.diagnosis import bias, common_noise, units
 from kalman_ros.analysis.diagnosis import inputs as input_faults
 from kalman_ros.analysis.diagnosis.diagnose import diagnose
 from kalman_ros.analysis.diagnosis.examination import Examination
-from kalman_ros.analysis.diagnosis.finding import Finding
 from kalman_ros.analysis.diagnosis.hypotheses import edges
 from kalman_ros.analysis.records import InputRecord
 from kalman_ros.core import Sensor, Space
@@ -267,17 +266,39 @@ def test_noise_that_two_sensors_share_is_found_beside_what_hides_it():
     assert (found.kind, found.subject) == ('correlated noise', 'left and right')
 
 
-def test_of_noise_in_common_the_clearer_finding_counts():
-    def found(subject, gain):
-        return Finding('correlated noise', subject, '', 1.0, gain=gain)
+def test_noise_that_is_in_common_in_two_coordinates():
+    """Of opposite sign in one of them. What is left once it is independent is right."""
+    rng, inputs = np.random.default_rng(15), pushes()
+    states = moved(inputs)
+    common, alone = 0.002 * rng.normal(size=(2, STEPS, 2))
+    mixed = np.array([0.8, -0.8]) * common + 0.6 * alone
+    read = {
+        'left': (['x', 'y'], 0.002, states[:, [0, 2]] + common),
+        'right': (['x', 'y'], 0.002, states[:, [0, 2]] + mixed),
+    }
+    case = Examination(replayed(MASSES, inputs, {**places(states), **read}))
+    (found,) = common_noise.find(case)
+    assert found.subject == 'left and right' and found.gain > 500.0
+    assert '(and of 1 more) at the same time has the correlation ' in found.sentence
+    size = float(found.sentence.partition('correlation ')[2].split(':')[0])
+    assert abs(size) == pytest.approx(0.8, abs=0.1)
+    after = Examination(found.mended())
+    assert common_noise.find(after) == []
+    assert after.passage.mean_square == pytest.approx(1.0, abs=0.05)
 
-    before = [found('a and b', 50.0), found('a and c', 90.0)]
-    after = [found('a and b', 30.0), found('b and c', 40.0)]
-    clearest = common_noise.clearest(before, after)
-    assert [(each.subject, each.gain) for each in clearest] == [
-        ('a and b', 50.0),
-        ('b and c', 40.0),
-    ]
+
+def test_what_the_model_lacks_is_not_noise_in_common():
+    """A force that nobody declared moves what both sensors read."""
+    inputs = pushes()
+    pushed = inputs + 0.5 * (np.sin(DT * np.arange(STEPS)) > 0.0)[:, None]
+    states, rng = moved(pushed), np.random.default_rng(16)
+    read = {
+        name: (['x'], 0.002, states[:, :1] + 0.002 * rng.normal(size=(STEPS, 1)))
+        for name in ('left', 'right')
+    }
+    findings = diagnose(replayed(MASSES, inputs, {**places(states), **read}), proofs=False)
+    assert findings.findings[0].kind != 'correlated noise'
+    assert 'correlated noise' not in {each.kind for each in findings.findings}
 
 
 def test_a_push_on_one_of_several_inputs_is_named_alone():

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from kalman_ros.analysis.diagnosis import coloured, wandering
+from kalman_ros.analysis.diagnosis import coloured, common_noise, wandering
 from kalman_ros.analysis.diagnosis.passage import Event, Passage, whitener
 
 F, Q, H, R, DT = (
@@ -54,9 +54,8 @@ def passed(readings):
 
 def error(readings, density, *decay, **options):
     """Return the filter of an error of the first sensor."""
-    return wandering._Error(
-        wandering._steps(passed(readings), 'first', [0]), density, *decay, **options
-    )
+    steps = wandering._steps(passed(readings), 'first', [0])
+    return wandering._filtered(steps, density, *decay, **options)
 
 
 def covariance(count, density, time=0.0):
@@ -98,6 +97,26 @@ def test_its_likelihood_is_that_of_all_readings_at_once(density):
     found = error(readings, np.array([[density]]))
     assert passed(readings).misfit == pytest.approx(misfit(readings, 0.0), rel=1e-10)
     assert found.misfit == pytest.approx(misfit(readings, density), rel=1e-10)
+
+
+@pytest.mark.parametrize('share', [0.3, -0.9])
+def test_the_likelihood_of_noise_in_common(share):
+    """Of each reading of the first sensor but one with the next one of the second."""
+    readings = recorded(density=0.0)
+    given, starts = passed(readings), np.array([*range(0, 6, 2), *range(8, 24, 2)])
+    pair = common_noise._Pair(
+        ('first', 'second'), np.zeros((1, 2), dtype=int), np.sign([share]),
+        np.column_stack((starts // 2, starts // 2)),
+    )  # fmt: skip
+    y, S = np.concatenate(readings), covariance(25, 0.0)
+    S[starts, starts + 1] += share * R
+    S[starts + 1, starts] += share * R
+    expected = y @ np.linalg.solve(S, y) + np.linalg.slogdet(2.0 * np.pi * S)[1]
+    found = common_noise._with_common(given, pair, abs(share))
+    assert found.misfit == pytest.approx(expected, rel=1e-10)
+    # the path is the same at both readings of a pair
+    one, other = (found.path(given.of(name)[starts // 2]) for name in pair.names)
+    np.testing.assert_allclose(one, other, atol=1e-6)
 
 
 @pytest.mark.parametrize('time', [0.05, 0.4, 3.0])
@@ -175,7 +194,7 @@ def test_drawn_paths_scatter_as_the_offset_does_given_the_readings(monkeypatch):
     paths = []
     for seed in range(400):
         monkeypatch.setattr(wandering, '_SEED', seed)
-        paths.append(walk.path()[:, 0])
+        paths.append(walk.path(np.arange(0, 25, 2))[:, 0])
     # by the rules of conditional Gaussians
     steps = np.arange(25)
     prior = density * (1.0 + DT * np.minimum.outer(steps, steps))

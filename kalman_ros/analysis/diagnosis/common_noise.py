@@ -1,77 +1,123 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Noise that two sensors have in common."""
+"""Noise that two sensors have in common.
+
+The whitened innovations of a filter are independent (T. Kailath, An Innovations Approach to
+Least-Squares Estimation, IEEE Trans. Automatic Control 13(6), 1968). Noise in common correlates
+those of readings at the same time, and so does a cause that the model lacks. The likelihood tells
+them apart: that of the pass with a number that the noise of both readings of a pair contains; all
+noise keeps its declared size.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import combinations
 from math import log1p
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from kalman_ros.core import Array
 
+from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
+from .passage import Passage
+from .wandering import ErrorFilter, errors_of
 
-#: Fewest pairs of readings, and smallest correlation that is a finding.
+#: Fewest pairs of readings, and the smallest correlation of innovations that is examined.
 _FEWEST, _RELEVANT = 50, 0.1
+#: Most readings of a pass: each trial is a filter pass.
+_LONGEST = 20_000
+#: Other coordinates are correlated, too, if they are by this share of the largest correlation.
+_ALSO = 0.5
 #: How much larger it is than that of readings after each other, which shows another cause.
-_MORE = 2.0
-#: The same for the readings of one sensor, which noise in common correlates by the filter.
-_ALONE = 1.5
+_MORE = 1.2
 #: Largest difference of the stamps of a pair, as a share of the interval of the sensor.
-_TOGETHER = 0.3
+_TOGETHER = 0.6
+#: Trial correlations of the noise, and their refinement.
+_TRIALS, _FINER = (0.2, 0.4, 0.6, 0.8, 0.95), (-0.1, -0.05, 0.05, 0.1)
+#: The largest share of noise that is in common, so that what is left has an inverse.
+_MOST = 0.99
+#: Seed of the independent noise in place of that in common.
+_SEED = 3
+
+
+class _Pair(NamedTuple):
+    """Two sensors, the coordinates that are correlated, and their readings at the same time.
+
+    Parameters
+    ----------
+    names
+        Names of the two.
+    coordinates, signs
+        Coordinates of either that are correlated (c, 2), the most correlated first, and the signs
+        of their correlations (c,).
+    positions
+        Positions of the paired readings among those of each sensor (N, 2).
+    """
+
+    names: tuple[str, str]
+    coordinates: Any
+    signs: Array
+    positions: Any
 
 
 def find(case: Examination) -> list[Finding]:
-    """Return the pairs of sensors whose innovations at the same time are correlated.
-
-    The whitened innovations of a filter are independent (T. Kailath, An Innovations Approach to
-    Least-Squares Estimation, IEEE Trans. Automatic Control 13(6), 1968). Whatever the model lacks
-    correlates them, too: this is for a pass in which nothing else is left to be explained.
-    """
-    findings = [_find(case, *pair) for pair in combinations(case.judged, 2)]
+    """Return the pairs of sensors of which the noise is in part the same."""
+    if len(case.passage.events) > _LONGEST:
+        return []
+    findings = [_find(case, *names) for names in combinations(case.judged, 2)]
     return [finding for finding in findings if finding is not None]
 
 
-def clearest(before: Sequence[Finding], after: Sequence[Finding]) -> list[Finding]:
-    """Return the findings after all corrections, with those before where these are clearer.
-
-    A correction of the noise of one sensor hides a part of the noise that it shares with another.
-    """
-    by_subject = {finding.subject: finding for finding in before}
-    pairs = ((finding, by_subject.get(finding.subject, finding)) for finding in after)
-    return [max(pair, key=lambda finding: finding.gain) for pair in pairs]
-
-
 def _find(case: Examination, one: str, other: str) -> Finding | None:
-    pairs = _pairs(case, one, other)
-    if len(pairs) < _FEWEST:
+    pair = _suspected(case.passage, one, other)
+    if pair is None:
         return None
-    A, B = (np.array([case.passage.whitened[i] for i in column]) for column in pairs.T)
+    filters: dict[float, ErrorFilter] = {}
+
+    def gain(share: float) -> float:
+        if share not in filters:
+            filters[share] = _with_common(case.passage, pair, share)
+        return case.passage.misfit - filters[share].misfit
+
+    try:
+        best = max(_TRIALS, key=gain)
+        best = max((min(best + by, _MOST) for by in (0.0, *_FINER)), key=gain)
+    except np.linalg.LinAlgError:
+        return None
+    if gain(best) < CHANCE:
+        return None
+    return _finding(case, pair, best, gain(best), filters[best])
+
+
+def _suspected(passage: Passage, one: str, other: str) -> _Pair | None:
+    """Return the coordinates of two sensors that are correlated most; None if none are."""
+    positions = _together(passage, one, other)
+    if len(positions) < _FEWEST:
+        return None
+    A, B = (passage.whitened_of(name)[at] for name, at in zip((one, other), positions.T))
     scale = np.sqrt(np.outer(np.mean(A * A, axis=0), np.mean(B * B, axis=0)))
     r = (A.T @ B) / len(A) / np.maximum(scale, 1e-300)
-    i, j = np.unravel_index(int(np.argmax(np.abs(r))), r.shape)
+    coordinates = _correlated(np.abs(r))
+    i, j = coordinates[0]
     correlation = float(np.clip(r[i, j], -0.999999, 0.999999))
-    gain = -len(A) * log1p(-(correlation**2))
     apart = max(_mean_product(A[1:, i], B[:-1, j]), _mean_product(A[:-1, i], B[1:, j]))
     in_time = max(_mean_product(series[1:], series[:-1]) for series in (A[:, i], B[:, j]))
-    if gain < CHANCE or abs(correlation) < max(_RELEVANT, _MORE * apart, _ALONE * in_time):
+    least = max(_RELEVANT, _MORE * apart, _MORE * in_time)
+    if -len(A) * log1p(-(correlation**2)) < CHANCE or abs(correlation) < least:
         return None
-    sensors = case.evidence.scenario.sensors
-    labels = [
-        f'{name}.{sensors[name].sensor.output.names[k]}' for name, k in ((one, i), (other, j))
-    ]
-    curves = (Curve('at the same time', A[:, i], B[:, j], 'dots'),)
-    return Finding(
-        'correlated noise', f'{one} and {other}',
-        f'innovations of {labels[0]} and {labels[1]} at the same time have the correlation '
-        f'{correlation:+.2f}: their noise is in part the same (one receiver, one clock, one '
-        'vibration). The filter takes them for independent and is surer than it should be: give '
-        'both as one sensor with its whole covariance, or use one of them.',
-        gain**0.5, gain=gain, figure=Figure('Whitened innovations', labels[0], labels[1], curves),
-    )  # fmt: skip
+    return _Pair((one, other), coordinates, np.sign(r[tuple(coordinates.T)]), positions)
+
+
+def _correlated(r: Array) -> Any:
+    """Return the rows and columns of the largest numbers (c, 2), each once, the largest first."""
+    left, chosen, least = r.copy(), list[tuple[int, int]](), _ALSO * float(r.max())
+    while left.max() > least:
+        i, j = (int(index) for index in np.unravel_index(int(np.argmax(left)), r.shape))
+        chosen.append((i, j))
+        left[i], left[:, j] = 0.0, 0.0
+    return np.array(chosen)
 
 
 def _mean_product(a: Array, b: Array) -> float:
@@ -79,17 +125,93 @@ def _mean_product(a: Array, b: Array) -> float:
     return abs(float(a @ b)) / max(float(np.sqrt((a @ a) * (b @ b))), 1e-300)
 
 
-def _pairs(case: Examination, one: str, other: str) -> Array:
-    """Return the indices of events of two sensors at the same time (N, 2)."""
-    first, second = case.passage.of(one), case.passage.of(other)
-    times = case.passage.series('time')
-    if len(first) < 2 or len(second) < 2:
+def _together(passage: Passage, one: str, other: str) -> Any:
+    """Return the positions of readings of two sensors that are nearest to each other (N, 2)."""
+    times = [passage.series('time', name) for name in (one, other)]
+    if min(len(of_one) for of_one in times) < 2:
         return np.zeros((0, 2), dtype=int)
-    right = np.clip(np.searchsorted(times[second], times[first]), 1, len(second) - 1)
-    closer = np.where(
-        times[first] - times[second][right - 1] < times[second][right] - times[first],
-        right - 1, right,
+    forth, back = _nearest(*times), _nearest(*reversed(times))
+    first = np.flatnonzero(back[forth] == np.arange(len(forth)))
+    second = forth[first]
+    interval = min(float(np.median(np.diff(of_one))) for of_one in times)
+    close = np.abs(times[0][first] - times[1][second]) <= _TOGETHER * interval
+    return np.column_stack((first[close], second[close]))
+
+
+def _nearest(times: Array, among: Array) -> Any:
+    """Return the positions of the nearest of other times (N,)."""
+    right = np.clip(np.searchsorted(among, times), 1, len(among) - 1)
+    return np.where(times - among[right - 1] < among[right] - times, right - 1, right)
+
+
+def _loads(passage: Passage, pair: _Pair, share: float) -> dict[str, Array]:
+    """Return what the readings of the two sensors have of unit noises in common (N, k, c)."""
+    loads, c = {}, len(pair.signs)
+    for name, coordinates, at, signs in zip(
+        pair.names, pair.coordinates.T, pair.positions.T, (np.ones(c), pair.signs)
+    ):
+        std = np.sqrt(passage.series('R', name)[:, coordinates, coordinates])
+        load = np.zeros((*passage.series('innovation', name).shape, c))
+        load[at[:, None], coordinates, np.arange(c)] = signs * np.sqrt(share) * std[at]
+        loads[name] = load
+    return loads
+
+
+def _with_common(passage: Passage, pair: _Pair, share: float) -> ErrorFilter:
+    """Return the filter in which a share of the noise of a pair is in common.
+
+    Each pair has another draw, from its first reading to its second.
+    """
+    c = len(pair.signs)
+    loads = _loads(passage, pair, share)
+    errors = errors_of(passage, loads)
+    kept = np.zeros(len(errors.F))
+    ends = np.sort(
+        [passage.of(name)[at] for name, at in zip(pair.names, pair.positions.T)], axis=0
+    )
+    for begin, end in ends.T.tolist():
+        kept[begin + 1 : end + 1] = 1.0
+    common = np.arange(-c, 0)
+    errors.F[:, common, common], errors.Q[:, common, common] = kept[:, None], 1.0 - kept[:, None]
+    for (name, load), coordinates in zip(loads.items(), pair.coordinates.T):
+        rows = passage.rows.first[passage.of(name)][:, None] + coordinates
+        errors.R[rows, coordinates] -= (load**2)[:, coordinates, np.arange(c)]
+    return ErrorFilter(errors, passage.series('P')[0], np.eye(c))
+
+
+def _finding(
+    case: Examination, pair: _Pair, share: float, gain: float, filter: ErrorFilter
+) -> Finding:
+    """Return the finding that a share of the noise of two sensors is in common."""
+    passage, sensors = case.passage, case.evidence.scenario.sensors
+
+    def mended() -> Evidence:
+        """Return the evidence with noise of the same size that is independent."""
+        evidence, rng = case.evidence, np.random.default_rng(_SEED)
+        for (name, load), at in zip(_loads(passage, pair, share).items(), pair.positions.T):
+            common = filter.path(passage.of(name))[:, :, None]
+            value = evidence.sensors[name].value.copy()
+            fresh = rng.standard_normal(common.shape)
+            rows = passage.series('index', name)[at]
+            value[rows] += (load @ (fresh - common))[at, :, 0]
+            evidence = evidence.with_values(name, value)
+        return evidence
+
+    most = [*zip(pair.names, pair.positions.T, pair.coordinates[0].tolist())]
+    first, second = (
+        f'{name}.{sensors[name].sensor.output.names[coordinate]}' for name, _, coordinate in most
+    )
+    A, B = (passage.whitened_of(name)[at, coordinate] for name, at, coordinate in most)
+    others = len(pair.signs) - 1
+    more = f' (and of {others} more)' if others else ''
+    curves = (Curve('at the same time', A, B, 'dots'),)
+    one, other = pair.names
+    return Finding(
+        'correlated noise', f'{one} and {other}',
+        f'noise of {first} and {second}{more} at the same time has the correlation '
+        f'{pair.signs[0] * share:+.2f}: it is in part the same (one receiver, one clock, one '
+        'vibration). The filter takes them for independent and is surer than it should be: give '
+        'both as one sensor with its whole covariance, or use one of them.',
+        gain**0.5, gain=gain, is_exact=True, mended=mended,
+        figure=Figure('Whitened innovations', first, second, curves),
     )  # fmt: skip
-    interval = min(np.median(np.diff(times[first])), np.median(np.diff(times[second])))
-    together = np.abs(times[second][closer] - times[first]) <= _TOGETHER * interval
-    return np.column_stack((first[together], second[closer[together]]))

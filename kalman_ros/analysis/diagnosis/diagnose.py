@@ -74,8 +74,8 @@ PLAIN: Sequence[Detector] = (
 #: Detectors of findings in the innovations of a filter.
 FITTED: Sequence[Detector] = (
     units.find, common_scale.find, mounting.find, partly_read.find, exchanged.find,
-    unrelated.find, outliers.find, lateness.hidden,
-    lag.find, backlash.find, coloured.find, bias.find, inputs.find, input_axes.find,
+    unrelated.find, outliers.find, lateness.hidden, lag.find, backlash.find, coloured.find,
+    common_noise.find, bias.find, inputs.find, input_axes.find,
     contradicted_parameters.find, first_belief.find, noise_levels.find, lever_arms.find,
     stretch.find, uneven_stamps.find,
 )  # fmt: skip
@@ -153,7 +153,7 @@ def diagnose(
         uncorrected, case = case, Examination(bias.without_declared(case))
     findings += gates.find(case)
     first = len(findings)
-    correlated, declared = common_noise.find(case), case.evidence
+    declared = case.evidence
     for number in range(_ROUNDS):
         progress(f'causes of the misfit, {number + 1}{_so_far(findings, first)}')
         best = _find_best(case, findings, uncorrected)
@@ -166,11 +166,9 @@ def diagnose(
         case = case if finding.absorbs else after
         findings.append(finding)
     findings[first:] = noise_levels.restated(declared, findings[first:])
-    last = len(findings)
-    findings += common_noise.clearest(correlated, common_noise.find(case))
     notes += leftover.find(case)
     findings = noise_levels.withheld(case.evidence, findings, notes)
-    ranked = _rank(findings, slice(first, last))
+    ranked = _rank(findings, slice(first, None))
     if proofs:
         progress(f'proofs{_so_far(findings, first)}')
         ranked = _doubted(tuple(_prove(evidence, finding) for finding in ranked))

@@ -12,7 +12,7 @@ scatter less than their noise, and less a drawn one they scatter as they should.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -101,10 +101,19 @@ class _Steps(NamedTuple):
     rows: Any
 
 
-def _steps(passage: Passage, sensor: str, coordinates: Sequence[int]) -> _Steps:
-    """Return the readings of a pass, with an error of some coordinates of a sensor."""
+def errors_of(passage: Passage, loads: Mapping[str, Array]) -> Errors:
+    """Return the readings of a pass, with the error of its state and of c further numbers.
+
+    Parameters
+    ----------
+    passage
+        Pass.
+    loads
+        What the readings of a sensor have of the further numbers (k, c) or (N, k, c), by sensor.
+        Their step is missing.
+    """
     E, n = passage.series('x').shape
-    size = n + len(coordinates)
+    size = n + next(iter(loads.values())).shape[-1]
     F, Q = np.zeros((2, E, size, size))
     F[:, :n, :n], Q[:, :n, :n] = passage.series('F'), passage.series('Q')
     moved = np.zeros((E, size))
@@ -117,12 +126,20 @@ def _steps(passage: Passage, sensor: str, coordinates: Sequence[int]) -> _Steps:
         at, k = passage.rows_of(name), passage.series('R', name).shape[-1]
         R[at, :k] = passage.series('R', name).reshape(-1, k)
         innovation[at] = passage.series('innovation', name).ravel()
-    rows = passage.rows_of(sensor)
-    for offset, coordinate in enumerate(coordinates):
-        H[known.first[passage.of(sensor)] + coordinate, n + offset] = 1.0
-    errors = Errors(F, Q, known.sizes, known.first, H, R, innovation, moved)
-    first = passage.series('P')[0]
-    return _Steps(errors, passage.series('dt'), first, passage.of(sensor), rows)
+    for name, load in loads.items():
+        of_all = np.broadcast_to(load, (len(passage.of(name)), *load.shape[-2:]))
+        H[passage.rows_of(name), n:] = of_all.reshape(-1, size - n)
+    return Errors(F, Q, known.sizes, known.first, H, R, innovation, moved)
+
+
+def _steps(passage: Passage, sensor: str, coordinates: Sequence[int]) -> _Steps:
+    """Return the readings of a pass, with an error of some coordinates of a sensor."""
+    k = passage.series('innovation', sensor).shape[1]
+    errors = errors_of(passage, {sensor: np.eye(k)[:, list(coordinates)]})
+    events = passage.of(sensor)
+    return _Steps(
+        errors, passage.series('dt'), passage.series('P')[0], events, passage.rows_of(sensor)
+    )
 
 
 def likeliest(
@@ -146,8 +163,8 @@ def likeliest(
     """
     steps = _steps(passage, sensor, coordinates)
 
-    def walk(factor: float) -> _Error:
-        return _Error(steps, np.diag(factor * densities))
+    def walk(factor: float) -> ErrorFilter:
+        return _filtered(steps, np.diag(factor * densities))
 
     factor, best = 1.0, walk(1.0)
     for by in (_STEP, 1.0 / _STEP):
@@ -159,7 +176,7 @@ def likeliest(
             factor, best = factor * by, other
         if factor != start:  # it grows in one direction alone
             break
-    return passage.misfit - best.misfit, best.path()
+    return passage.misfit - best.misfit, best.path(steps.events)
 
 
 def coloured(passage: Passage, sensor: str, covariance: Array) -> tuple[float, float, Array]:
@@ -177,8 +194,8 @@ def coloured(passage: Passage, sensor: str, covariance: Array) -> tuple[float, f
     stamps = passage.series('time', sensor)
     steps = _steps(passage, sensor, range(len(covariance)))
 
-    def noise(time: float) -> _Error:
-        return _Error(steps, 2.0 / time * covariance, 1.0 / time, _WHITE)
+    def noise(time: float) -> ErrorFilter:
+        return _filtered(steps, 2.0 / time * covariance, 1.0 / time, _WHITE)
 
     trials, longest = float(np.median(np.diff(stamps))) * _TIMES, _SHARE * np.ptp(stamps)
     tried = {time: noise(time) for time in trials.tolist() if time < longest}
@@ -188,7 +205,7 @@ def coloured(passage: Passage, sensor: str, covariance: Array) -> tuple[float, f
     between = (middle / _BETWEEN, middle * _BETWEEN)
     tried |= {time: noise(time) for time in between if min(trials) < time < longest}
     time, best = min(tried.items(), key=lambda item: item[1].misfit)
-    return passage.misfit - best.misfit, time, best.path()
+    return passage.misfit - best.misfit, time, best.path(steps.events)
 
 
 def whiter(passage: Passage, sensor: str, covariance: Array) -> float:
@@ -198,12 +215,18 @@ def whiter(passage: Passage, sensor: str, covariance: Array) -> float:
     ``covariance`` (k, k).
     """
     steps, none = _steps(passage, sensor, range(len(covariance))), np.zeros(covariance.shape)
-    tried = (_Error(steps, none, 0.0, share, _ANYWHERE**2 * covariance) for share in _SMALLER)
+    tried = (_filtered(steps, none, 0.0, share, _ANYWHERE**2 * covariance) for share in _SMALLER)
     return passage.misfit - min(error.misfit for error in tried)
 
 
-class _Error:
-    """A filter of the error of the pass and of an error of a sensor.
+def _filtered(
+    steps: _Steps,
+    density: Array,
+    decay: float = 0.0,
+    white: float = 1.0,
+    start: Array | None = None,
+) -> ErrorFilter:
+    """Return the filter of the error of a pass and of an error of a sensor.
 
     Parameters
     ----------
@@ -219,31 +242,37 @@ class _Error:
         Covariance of the error at the start; by default what the density adds in a second, or
         that of its stationary distribution.
     """
+    kept, added = _decayed(steps.dt, decay)
+    n = len(steps.first)
+    F, Q, R = steps.errors.F.copy(), steps.errors.Q.copy(), steps.errors.R.copy()
+    offsets = n + np.arange(len(density))
+    F[:, offsets, offsets] = kept[:, None]
+    Q[:, n:, n:] = added[:, None, None] * density
+    R[steps.rows] *= white
+    before = _decayed(np.array([np.inf if decay else _BEFORE]), decay)[1][0]
+    initial = before * density if start is None else start
+    return ErrorFilter(steps.errors._replace(F=F, Q=Q, R=R), steps.first, initial)
 
-    def __init__(
-        self,
-        steps: _Steps,
-        density: Array,
-        decay: float = 0.0,
-        white: float = 1.0,
-        start: Array | None = None,
-    ) -> None:
-        kept, added = _decayed(steps.dt, decay)
-        n = self._n = len(steps.first)
-        F, Q, R = steps.errors.F.copy(), steps.errors.Q.copy(), steps.errors.R.copy()
-        offsets = n + np.arange(len(density))
-        F[:, offsets, offsets] = kept[:, None]
-        Q[:, n:, n:] = added[:, None, None] * density
-        R[steps.rows] *= white
-        before = _decayed(np.array([np.inf if decay else _BEFORE]), decay)[1][0]
-        self._start = np.zeros(F.shape[1:])
-        self._start[:n, :n] = steps.first
-        self._start[n:, n:] = before * density if start is None else start
-        self._errors, self._events = steps.errors._replace(F=F, Q=Q, R=R), steps.events
+
+class ErrorFilter:
+    """A filter of the error of the state of a pass and of c further numbers.
+
+    Parameters
+    ----------
+    errors
+        Readings of the pass, and the steps of the error.
+    first, further
+        Covariance of the state (n, n) and of the further numbers (c, c) at the first event.
+    """
+
+    def __init__(self, errors: Errors, first: Array, further: Array) -> None:
+        n = self._n = len(first)
+        self._errors, self._start = errors, np.zeros(errors.F.shape[1:])
+        self._start[:n, :n], self._start[n:, n:] = first, further
         self.misfit = follow(self._errors, self._start)
 
-    def path(self) -> Array:
-        """Return a path (E, c) at the events of the sensor, drawn given all readings."""
+    def path(self, events: Any) -> Array:
+        """Return a path (E, c) of the further numbers at events, drawn given all readings."""
         rng, n, errors = np.random.default_rng(_SEED), self._n, self._errors
         means, covariances = beliefs = np.empty(errors.F.shape[:2]), np.empty(errors.F.shape)
         follow(errors, self._start, beliefs)
@@ -263,7 +292,7 @@ class _Error:
             drawn = _draw(rng, m + back @ (drawn - F @ (m - errors.moved[index])), covariance)
             offsets.append(drawn[n:])
         whole: Array = np.array(offsets[::-1])
-        return np.asarray(whole[self._events])
+        return np.asarray(whole[events])
 
 
 def _decayed(dt: Array, decay: float) -> tuple[Array, Array]:
