@@ -38,6 +38,18 @@ def test_right_stamps_are_not_found():
     assert not list(uneven_stamps.find(Examination(evidence_of(0.0))))
 
 
+@pytest.mark.parametrize(('shape', 'least', 'most'), [('random', -0.1, 0.1), ('slow', 0.8, 1.0)])
+def test_times_that_are_alike_have_another_cause(shape, least, most):
+    """A constant delay beside them does not make them alike."""
+    rng, N, tau = np.random.default_rng(2), 2000, 0.1
+    rate = 30.0 * np.cos(0.05 * np.arange(N))
+    late = tau * rng.normal(size=N)
+    if shape == 'slow':
+        late = tau * np.sqrt(2.0) * np.sin(0.02 * np.arange(N))
+    innovation = rate * (0.2 + late) + rng.normal(size=N)
+    assert least < uneven_stamps._likeness(rate * innovation, rate**2, tau) < most
+
+
 @pytest.mark.slow
 def test_they_come_before_noise_and_noise_before_them(monkeypatch):
     monkeypatch.setenv('KALMAN_ROS_ARITHMETIC', 'compiled')

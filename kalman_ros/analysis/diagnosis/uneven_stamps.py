@@ -24,6 +24,8 @@ from .stamps import picture
 
 #: Fewest readings of the sensor.
 _FEWEST = 50
+#: Times that are more alike from one reading to the next than this have another cause.
+_ALIKE = 0.2
 #: Least standard deviation (s), and the trial ones as shares of the mean interval of the readings.
 _LEAST, _TRIALS = 0.001, np.geomspace(0.01, 10.0, 13)
 
@@ -47,7 +49,8 @@ def find(case: Examination) -> Iterator[Finding]:
         if not trials[best] > _LEAST or len(set(bounds.tolist())) < 3:
             continue
         near = peak(gain, *bounds.tolist())
-        if near[1] > _LEAST and gain(near[1]) > CHANCE:
+        alike = _likeness(e, spread, near[1])
+        if near[1] > _LEAST and gain(near[1]) > CHANCE and alike < _ALIKE:
             std = min(deviation(gain, *near), near[1])
             yield _finding(case, name, near[1], std, gain(near[1]))
 
@@ -58,6 +61,13 @@ def _directions(case: Examination, name: str) -> tuple[Array, Array]:
     white = np.einsum('eij,ej->ei', case.passage.series('white', name), v)
     e = case.passage.whitened_of(name)
     return np.einsum('ei,ei->e', white, e), np.einsum('ei,ei->e', white, white)
+
+
+def _likeness(e: Array, spread: Array, tau: float) -> float:
+    """Return how far times are alike from one reading to the next, about their mean."""
+    mean = e.sum() / spread.sum()
+    times = (e - mean * spread) / np.sqrt(np.maximum(spread * (1.0 + tau**2 * spread), 1e-300))
+    return float(np.mean(times[1:] * times[:-1]) / np.mean(times**2))
 
 
 def _finding(case: Examination, name: str, tau: float, std: float, gain: float) -> Finding:
