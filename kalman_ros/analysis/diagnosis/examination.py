@@ -14,6 +14,7 @@ from kalman_ros.core import Array
 from .evidence import Evidence
 from .filter_pass import passage
 from .hypotheses import columns, effect
+from .model_noise import WHOLE
 from .noise_scores import NoiseScores, noise_scores
 from .parameters import varied
 from .passage import Passage
@@ -78,14 +79,18 @@ class Examination:
 
     @cached_property
     def densities(self) -> dict[str, Array]:
-        """Spectral density (n, n) of each parameter of the process noise, by name."""
+        """Spectral density (n, n) of each parameter of the process noise, by name.
+
+        If there is no such parameter, it is the whole density of the model.
+        """
         model, x = self.evidence.scenario.model, self.passage.series('x')[-1]
         by_parameter = {}
         for parameter, size, other, _ in varied(self.evidence):
             change = (other.noise_density(x) - model.noise_density(x)) / size
             if 'noise' in parameter.name and np.any(change):
                 by_parameter[parameter.name] = change * parameter.value
-        return by_parameter
+        whole = model.noise_density(x)
+        return by_parameter or ({WHOLE: whole} if np.any(whole) else {})
 
     @cached_property
     def tones(self) -> Array | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import replace
-from itertools import permutations
+from itertools import islice, permutations
 from math import inf, log, pi
 
 import numpy as np
@@ -15,7 +15,16 @@ from .examination import CHANCE, Examination
 from .filter_pass import passage
 from .finding import Finding
 from .left_out import left_out
-from .mounting import axes_exchanged, best_rotation, nearest_rotation, turned, vectors, within
+from .mounting import (
+    axes_exchanged,
+    best_rotation,
+    blocks_exchanged,
+    from_north,
+    nearest_rotation,
+    turned,
+    vectors,
+    within,
+)
 from .passage import Passage, explained
 from .units import conversions, groups, mixed, scaled
 
@@ -37,6 +46,8 @@ _ROTATION_SECONDS, _SMALLEST_ROTATION = 20.0, 0.2
 _ALIKE = 0.3
 #: A factor by the predictions of the other sensors takes as many readings, and this correlation.
 _FEWEST, _CORRELATED = 8, 0.7
+#: Most exchanges within a sensor that are tried.
+_EXCHANGES = 10
 #: Trial factors of each coordinate.
 _FACTORS = (-1.0, pi / 180.0, 180.0 / pi, 1.0 / 3.6, 1e-3, 9.80665)
 
@@ -165,8 +176,11 @@ def _candidates(case: Examination) -> Iterator[Finding]:
             usual = _usual_factors(sensible)
             for factor in dict.fromkeys((*usual, *_by_size(case, name, group, sensible))):
                 yield scaled(case, (name,), group, factor, 0.0, 0.0)
-        if space.size == 2:
+        if space.size == 2 and space.units[0] != space.units[1]:
             yield axes_exchanged(case, name, (1, 0), 0.0)
+        yield from islice(blocks_exchanged(case, name), _EXCHANGES)
+        for angle in space.angles:
+            yield from_north(case, name, space.names.index(angle))
         yield from _by_others(case, name)
         yield from _turned_or_exchanged(case, name)
     yield from exchanged.candidates(case)

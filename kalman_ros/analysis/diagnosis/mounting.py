@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import combinations, permutations
-from math import degrees
+from math import degrees, pi
 
 import numpy as np
 
@@ -102,6 +102,31 @@ def axes_exchanged(case: Examination, name: str, order: tuple[int, ...], gain: f
         gain**0.5, change, gain=gain, figure=_picture(case, name, M),
         mended=lambda: mixed(case.evidence, name, M),
     )  # fmt: skip
+
+
+def from_north(case: Examination, name: str, index: int) -> Finding:
+    """Return the finding that an angle counts clockwise from north, without its gain."""
+    space = case.evidence.scenario.sensors[name].sensor.output
+    turned, label = case.evidence.sensors[name].value.copy(), f'{name}.{space.names[index]}'
+    turned[:, index] = 0.5 * pi - turned[:, index]
+    return Finding(
+        'swapped', label,
+        f'{label} counts clockwise from north, where the model counts from east to north '
+        '(REP-103): its axes are those of north-east-down. Publish pi/2 less this angle.',
+        0.0, mended=lambda: case.evidence.with_values(name, space.wrap(turned)),
+    )  # fmt: skip
+
+
+def blocks_exchanged(case: Examination, name: str) -> Iterator[Finding]:
+    """Yield the exchanges of two parts of a sensor that read the same, such as two beacons."""
+    units = case.evidence.scenario.sensors[name].sensor.output.units
+    size = len(units)
+    lengths = (k for k in range(1, size) if size % k == 0 and units == units[:k] * (size // k))
+    block = next(lengths, size)
+    parts = [tuple(range(first, first + block)) for first in range(0, size, block)]
+    for order in _exchanged(tuple(range(len(parts)))):
+        whole = tuple(index for part in order for index in parts[part])
+        yield axes_exchanged(case, name, whole, 0.0)
 
 
 def _find_rotation(case: Examination, name: str, group: tuple[int, ...]) -> list[Finding]:

@@ -14,10 +14,11 @@ from kalman_ros.analysis.records import SensorRecord
 from kalman_ros.core import Array
 from kalman_ros.scenario.parameter_text import yaml_value
 
+from . import model_noise
 from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Curve, DensityLevel, Figure, Finding, NoiseLevel
-from .parameters import parameter
+from .parameters import parameters
 from .quantisation import rounding
 from .refilter import misfits
 
@@ -286,10 +287,15 @@ def _with_covariance(evidence: Evidence, name: str, covariance: Array) -> Eviden
 def _process_finding(
     case: Examination, name: str, factor: float, gain: float, spread: float
 ) -> list[Finding]:
-    density = parameter(case.evidence, name)
-    change = density.change(density.value * factor**2)
+    known = {parameter.name: parameter for parameter in parameters(case.evidence)}
+    density = known.get(name)
+    change = density.change(density.value * factor**2) if density else {}
     try:
-        mended = case.evidence.adopting(change)
+        mended = (
+            case.evidence.adopting(change)
+            if change
+            else model_noise.multiplied(case.evidence, factor**2)
+        )
     except ValueError:
         return []
     level = DensityLevel(name, factor, spread, change)
@@ -303,8 +309,10 @@ def _process_finding(
 def _density_stated(level: DensityLevel) -> dict[str, Any]:
     """Return the kind, the subject, the sentence and the change of a finding."""
     way, size = _describe([level.factor], level.spread)
-    value = yaml_value(next(iter(level.change.values())))
-    sentence = f'the process noise {level.name} is too {way}, its root {size}: {value} fits.'
+    fits = 'The class of the model has it: multiply it there.'
+    if level.change:
+        fits = f'{yaml_value(next(iter(level.change.values())))} fits.'
+    sentence = f'the process noise {level.name} is too {way}, its root {size}: {fits}'
     kind = f'process noise too {way}'
     return {
         'kind': kind, 'subject': level.name, 'sentence': sentence, 'change': level.change,

@@ -156,12 +156,14 @@ def _find_shared(evidence: Evidence, name: str, record: SensorRecord) -> Iterato
     # unless each is rounded and has lost something
     least = max(float(latency(record).min()), 0.0)
     stamp = record.received - (0.0 if least < _grid(evidence, record) else least)
-    yield _rounded(
+    shared = _rounded(
         name, record,
         f'{int(np.median(groups))} readings of {name} in a row {how}, every {apart:.3g} s, while '
         f'they are received every {usual:.3g} s',
         lambda: evidence.with_sensor(name, replace(record, stamp=stamp)),
     )  # fmt: skip
+    # what is left by the times of receipt, which jitter, follows from it
+    yield replace(shared, plain=True)
 
 
 def _rounded(
@@ -189,7 +191,7 @@ def _find_rounded(evidence: Evidence, name: str, record: SensorRecord) -> Iterat
     if grid > _COARSE * usual and spread > 2.0 * of_receipt:
         yield _rounded(
             name, record,
-            f'stamps of {name} are multiples of {grid:g} s, while they are received every '
+            f'stamps of {name} differ by multiples of {grid:g} s, while they are received every '
             f'{usual:.3g} s, regular to {of_receipt:.1g} s',
         )  # fmt: skip
 
@@ -257,8 +259,8 @@ def _find_clock_error(case: Examination, name: str, record: SensorRecord) -> Ite
             rounded = _rounded(
                 name,
                 record,
-                f'stamps of {name} are multiples of {grid:g} s, and {level:.3g} s behind the '
-                'recorder',
+                f'stamps of {name} differ by multiples of {grid:g} s, and are {level:.3g} s '
+                'behind the recorder',
                 lambda: mended,
             )
             yield replace(rounded, same_as=(('clock offset', name),))
