@@ -301,7 +301,10 @@ def by_ways(function: Callable[..., Any], *arguments: Any) -> Any:
     def run() -> Any:
         return function(*(np.array(value, subok=True) for value in arguments))
 
-    return every_way(run, _either)
+    result = every_way(run, _either)
+    # numbers among symbols may have lost their type on the way
+    objects = isinstance(result, np.ndarray) and result.dtype == object
+    return result.view(Symbols) if objects else result
 
 
 def _either(condition: Any, results: Any, others: Any) -> Any:

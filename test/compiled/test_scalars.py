@@ -373,6 +373,29 @@ def test_other_kinds_of_arrays_are_refused(function):
         freed(kr.continuous_model(function, W=[1.0, 1.0]), lambda p: of_model(p.original, p))
 
 
+class Beam(kr.Model):
+    """A beam whose inertia is made an array on its way."""
+
+    state = kr.Space(('pitch', 'nod'), ('rad', 'rad/s'))
+    input = kr.Space((), ())
+
+    def derivative(self, x, u):
+        inertia = np.asarray(1.0 + 0.2 * np.sin(x[..., 0]) ** 2)
+        rates = np.broadcast_arrays(x[..., 1], -np.cos(x[..., 0]) / inertia)
+        return np.stack(rates, axis=-1)
+
+    def noise_density(self, x):
+        return np.eye(2)
+
+
+def test_numbers_in_arrays_of_objects_have_their_functions():
+    """A function that takes symbols is probed with numbers, of which it makes objects."""
+    formula, p = substeps(Beam())
+    x = np.array([0.3, -0.7])
+    expected = Beam().substep(x, np.zeros(0), 0.1)
+    np.testing.assert_allclose(np.array(formula(x, [], [0.1], p))[:, 0], expected, rtol=1e-12)
+
+
 def test_each_way_has_its_arguments():
     def rate(x):
         y = np.asarray(x)
