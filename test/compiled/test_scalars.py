@@ -379,13 +379,17 @@ class Beam(kr.Model):
     state = kr.Space(('pitch', 'nod'), ('rad', 'rad/s'))
     input = kr.Space((), ())
 
+    def _inertia(self, pitch):
+        return np.asarray(1.0 + 0.2 * np.sin(pitch) ** 2)
+
     def derivative(self, x, u):
-        inertia = np.asarray(1.0 + 0.2 * np.sin(x[..., 0]) ** 2)
-        rates = np.broadcast_arrays(x[..., 1], -np.cos(x[..., 0]) / inertia)
+        rates = np.broadcast_arrays(x[..., 1], -np.cos(x[..., 0]) / self._inertia(x[..., 0]))
         return np.stack(rates, axis=-1)
 
     def noise_density(self, x):
-        return np.eye(2)
+        density = np.zeros((*x.shape, 2))
+        density[..., 1, 1] = 0.1 / self._inertia(x[..., 0]) ** 2
+        return density
 
 
 def test_numbers_in_arrays_of_objects_have_their_functions():
