@@ -30,8 +30,9 @@ _FEWEST, _RELEVANT = 50, 0.1
 _LONGEST = 20_000
 #: Other coordinates are correlated, too, if they are by this share of the largest correlation.
 _ALSO = 0.5
-#: How much larger it is than that of readings after each other, which shows another cause.
-_MORE = 1.2
+#: How much larger it is than that of readings of both after each other, and of one alone, which
+#: show another cause.
+_MORE, _ALONE = 1.2, 1.5
 #: Largest difference of the stamps of a pair, as a share of the interval of the sensor.
 _TOGETHER = 0.6
 #: Trial correlations of the noise, and their refinement.
@@ -104,7 +105,7 @@ def _suspected(passage: Passage, one: str, other: str) -> _Pair | None:
     correlation = float(np.clip(r[i, j], -0.999999, 0.999999))
     apart = max(_mean_product(A[1:, i], B[:-1, j]), _mean_product(A[:-1, i], B[1:, j]))
     in_time = max(_mean_product(series[1:], series[:-1]) for series in (A[:, i], B[:, j]))
-    least = max(_RELEVANT, _MORE * apart, _MORE * in_time)
+    least = max(_RELEVANT, _MORE * apart, _ALONE * in_time)
     if -len(A) * log1p(-(correlation**2)) < CHANCE or abs(correlation) < least:
         return None
     return _Pair((one, other), coordinates, np.sign(r[tuple(coordinates.T)]), positions)
