@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from kalman_ros.analysis.diagnosis import coloured, common_noise, wandering
+from kalman_ros.analysis.diagnosis import coloured, common_noise, error_filter, wandering
 from kalman_ros.analysis.diagnosis.passage import Event, Passage, whitener
 
 F, Q, H, R, DT = (
@@ -193,7 +193,7 @@ def test_drawn_paths_scatter_as_the_offset_does_given_the_readings(monkeypatch):
     walk = error(readings, np.array([[density]]))
     paths = []
     for seed in range(400):
-        monkeypatch.setattr(wandering, '_SEED', seed)
+        monkeypatch.setattr(error_filter, '_SEED', seed)
         paths.append(walk.path(np.arange(0, 25, 2))[:, 0])
     # by the rules of conditional Gaussians
     steps = np.arange(25)

@@ -18,11 +18,11 @@ import numpy as np
 
 from kalman_ros.core import Array
 
+from .error_filter import ErrorFilter, errors_of
 from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
 from .passage import Passage
-from .wandering import ErrorFilter, errors_of
 
 #: Fewest pairs of readings, and the smallest correlation of innovations that is examined.
 _FEWEST, _RELEVANT = 50, 0.1
