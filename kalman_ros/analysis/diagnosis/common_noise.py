@@ -189,8 +189,9 @@ def _finding(
     def mended() -> Evidence:
         """Return the evidence with noise of the same size that is independent."""
         evidence, rng = case.evidence, np.random.default_rng(_SEED)
+        path = filter.path(slice(None))
         for (name, load), at in zip(_loads(passage, pair, share).items(), pair.positions.T):
-            common = filter.path(passage.of(name))[:, :, None]
+            common = path[passage.of(name), :, None]
             value = evidence.sensors[name].value.copy()
             fresh = rng.standard_normal(common.shape)
             rows = passage.series('index', name)[at]
