@@ -29,6 +29,7 @@ from kalman_ros.scenario.parameter_files import from_file
 from kalman_ros.sensors.states import States
 
 from .benchmark import Benchmark, Timing
+from .replays import parameters
 
 #: Steps per measurement.
 _STEPS = 300
@@ -42,13 +43,25 @@ _CASES = (('kf', 4, 2, 0.5), ('ekf', 4, 2, 0.5), ('ukf', 4, 2, 0.2), ('ukf', 15,
 def benchmarks() -> Iterator[list[Benchmark]]:
     """Yield one benchmark per filter and size."""
     robots = [row for how in ('compiled', 'c') for name in _ROBOTS for row in _robot(name, how)]
-    yield [_benchmark(*case) for case in _CASES] + robots
+    yield [*(_benchmark(*case) for case in _CASES), _exported('ukf', 15, 6, 0.08), *robots]
 
 
 def _benchmark(kind: str, n: int, k: int, goal: float) -> Benchmark:
     system, sensor, y = _system(n, k)
     name = f'{kind} step, {n} states, {k} readings / filterpy'
     return Benchmark(name, goal, _ours(kind, system, sensor, y), _peer(kind, system, sensor, y))
+
+
+def _exported(kind: str, n: int, k: int, goal: float) -> Benchmark:
+    """Return the benchmark of the same filter as exported C, which a node calls."""
+    found = settings({**parameters(n, k, kind, 1.0 / _DT), 'arithmetic': 'c'}).fusion()
+    assert found.arithmetic == 'c', found.arithmetic
+    (sensor,) = found.sensors.values()
+    filter: Any = found.filter
+    _, rest = filter.model.equilibrium
+    ours = _stepped(filter, rest, sensor, np.ones(k))
+    name = f'{kind} step in C, {n} states, {k} readings / filterpy'
+    return Benchmark(name, goal, ours, _peer(kind, *_system(n, k)))
 
 
 def _system(n: int, k: int) -> tuple[LinearSystem, States, Array]:
@@ -111,8 +124,12 @@ def _timed(step: Callable[[], None]) -> Timing:
 
 def _ours(kind: str, system: LinearSystem, sensor: States, y: Array) -> Timing:
     plan = Plan(system, {'y': TimedSensor(sensor, 1.0 / _DT)}, 1.0 / _DT)
-    filter, u = build_filter(kind, plan), np.zeros(1)
-    n = system.state.size
+    return _stepped(build_filter(kind, plan), np.zeros(1), sensor, y)
+
+
+def _stepped(filter: Any, u: Array, sensor: Any, y: Array) -> Timing:
+    """Return the timing of a prediction and a correction, each from the last one."""
+    n = filter.model.state.size
     belief = Gaussian(np.zeros(n), np.eye(n))
 
     def step() -> None:
