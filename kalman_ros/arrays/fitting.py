@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Union
 
@@ -62,6 +62,9 @@ class Tuning(KnownNames):
         The number of readings that were fused.
     arithmetic
         What computed the model and the sensors, with the reason where it is not C.
+    changes
+        Parameters of a scenario with the fitted values, as `load` takes them, without biases;
+        for a function, its arguments.
     """
 
     parameters: Mapping[str, Fitted]
@@ -73,6 +76,7 @@ class Tuning(KnownNames):
     held_out: tuple[Judgement, Judgement] | None
     count: int
     arithmetic: str = NUMPY
+    changes: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def values(self) -> dict[str, float]:
@@ -218,7 +222,8 @@ def tune(
         made.parameters, made.candidate, observations,
         Conditions(policy, np.zeros(task.model.input.size)), until,
     )  # fmt: skip
-    return tuning(likelihood, parts(task.model, task.sensors).arithmetic)
+    tuned = tuning(likelihood, parts(task.model, task.sensors).arithmetic)
+    return replace(tuned, changes=made.changes(tuned.values))
 
 
 def tuning(likelihood: Likelihood, arithmetic: str = NUMPY) -> Tuning:

@@ -55,6 +55,10 @@ class ScenarioProblem:
             scenario.model, sensors, self._initial or scenario.initial_belief, scenario.filter
         )
 
+    def changes(self, values: Mapping[str, float]) -> dict[str, Any]:
+        """Return the parameters of the scenario with these values."""
+        return self._named.changes(values)
+
     def candidate(self, values: Mapping[str, float]) -> Candidate:
         """Return the candidate of some values."""
         candidate = self._named.candidate(values)
@@ -131,6 +135,10 @@ class FunctionProblem:
         belief = belief_of(first, model)
         plan = _plan(model, sensors)
         return Task(model, sensors, belief, self._filter or default_filter(plan))
+
+    def changes(self, values: Mapping[str, float]) -> dict[str, Any]:
+        """Return the arguments of the function with these values."""
+        return {name: values[name] for name in self._starts}
 
     def candidate(self, values: Mapping[str, float]) -> Candidate:
         """Return the candidate of some values."""

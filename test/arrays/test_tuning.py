@@ -54,6 +54,7 @@ def test_the_nile_from_a_diffuse_start_has_the_published_likelihood():
     assert found.log_likelihood[1] == pytest.approx(-632.54563, abs=1e-5)
     assert found.values['r'] == pytest.approx(15098.5, rel=1e-4)
     assert found.values['q'] == pytest.approx(1469.18, rel=1e-4)
+    assert found.changes == found.values  # arguments of the function
     by_scenario = kr.tune(
         {'model': 'level', 'initial_std': [1.0], **NILE}, np.arange(len(flow)), flow,
         initial='diffuse',
