@@ -132,7 +132,23 @@ def test_readings_of_two_sensors_are_paired_with_the_nearest_ones():
     # 0.45 is nearest to 0, 3.2 has a nearer one before it, and 9 is too far
     assert pairs(**times) == [[0, 0], [1, 1], [3, 2]]
     assert pairs(**dict(reversed(times.items()))) == [[0, 0], [1, 1], [2, 3]]
+    assert pairs(a=[0.0, 1.0, 1.4, 9.0], b=[1.45, 9.0]) == [[2, 0], [3, 1]]  # 1.0 is no pair
     assert pairs(a=[1.0], b=[1.0, 2.0]) == []
+
+
+@pytest.mark.parametrize(('alike', 'suspected'), [(0.0, True), (0.4, False)])
+def test_innovations_that_are_alike_in_time_are_no_noise_in_common(alike, suspected):
+    rng, N = np.random.default_rng(6), 1000
+    series = rng.normal(size=(2, N))
+    series[1] = 0.45 * series[0] + (1.0 - 0.45**2) ** 0.5 * series[1]
+    for row in series:
+        for k in range(1, N):
+            row[k] = alike * row[k - 1] + (1.0 - alike**2) ** 0.5 * row[k]
+    read = SimpleNamespace(
+        series=lambda field, name: np.arange(float(N)),
+        whitened_of=lambda name: series[['a', 'b'].index(name)][:, None],
+    )
+    assert (common_noise._suspected(read, 'a', 'b') is not None) is suspected
 
 
 def test_coordinates_are_paired_with_those_they_are_correlated_with():

@@ -59,6 +59,7 @@ def driven(model, rougher=1.0):
     return replay(given, taken, InputRecord(np.zeros(0), np.zeros(0), np.zeros((0, 0))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('model', [Cart, Periods])
 def test_the_noise_of_a_class_is_found_with_its_factor(model):
     findings = diagnose(driven(model, 6.0), proofs=False).findings
@@ -68,6 +69,9 @@ def test_the_noise_of_a_class_is_found_with_its_factor(model):
     assert findings[0].density.factor == pytest.approx(6.0**0.5, rel=0.2)
     assert findings[0].sentence.endswith('The class of the model has it: multiply it there.')
     assert findings[0].change == {}
+    x, factor = np.zeros(2), findings[0].density.factor
+    mended = findings[0].mended().scenario.model.noise_density(x)
+    assert mended[1, 1] == pytest.approx(factor**2 * DENSITY)
     assert diagnose(driven(model), proofs=False).findings == ()
 
 

@@ -10,7 +10,7 @@ import pytest
 from tools.doctor_score.array_replay import replay
 from tools.doctor_score.recordings import Injection, recorded
 
-from kalman_ros.analysis.diagnosis import bias, common_noise, units
+from kalman_ros.analysis.diagnosis import bias, common_noise, stretch, units
 from kalman_ros.analysis.diagnosis import inputs as input_faults
 from kalman_ros.analysis.diagnosis.diagnose import diagnose
 from kalman_ros.analysis.diagnosis.examination import Examination
@@ -381,6 +381,23 @@ def test_a_step_of_a_bias_that_the_estimator_follows():
     assert float(begin) == pytest.approx(8.0, abs=0.5)
     mended = found.mended().sensors['velocity'].value - record.value
     assert np.median(mended[late]) == pytest.approx(np.median(mended[~late]), abs=0.05)
+
+
+def test_a_step_is_no_stretch():
+    spring = recorded('mass_spring_damper', None, 20.0, 3)
+    record = spring.sensors['velocity']
+    off = {'to the end': record.stamp >= spring.start + 8.0}
+    off['for a time'] = off['to the end'] & (record.stamp < spring.start + 14.0)
+    found = {
+        what: [
+            finding.subject
+            for finding in stretch._find_offsets(
+                Examination(spring.with_values('velocity', record.value + 0.3 * rows[:, None]))
+            )
+        ]
+        for what, rows in off.items()
+    }
+    assert 'velocity' in found['for a time'] and 'velocity' not in found['to the end']
 
 
 def test_a_step_is_tried_beside_a_drift_that_explains_nearly_as_much():

@@ -38,6 +38,16 @@ def test_right_stamps_are_not_found():
     assert not list(uneven_stamps.find(Examination(evidence_of(0.0))))
 
 
+def test_a_smooth_error_of_time_is_not_found():
+    evidence = evidence_of(0.0)
+    record, beliefs = evidence.sensors['position'], evidence.beliefs
+    velocity = np.interp(record.stamp, beliefs.time, beliefs.mean[:, 1])
+    late = 0.3 * np.sin(6.0 * record.stamp)
+    value = record.value + (velocity * late)[:, None]
+    case = Examination(evidence.with_values('position', value))
+    assert 'position' not in {finding.subject for finding in uneven_stamps.find(case)}
+
+
 @pytest.mark.parametrize(('shape', 'least', 'most'), [('random', -0.1, 0.1), ('slow', 0.5, 1.0)])
 def test_times_that_are_alike_have_another_cause(shape, least, most):
     """A constant delay beside them does not make them alike."""
