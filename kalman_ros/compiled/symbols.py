@@ -302,7 +302,7 @@ def by_ways(function: Callable[..., Any], *arguments: Any) -> Any:
         return function(*(np.array(value, subok=True) for value in arguments))
 
     result = every_way(run, _either)
-    # numbers among symbols may have lost their type on the way
+    # broadcast_arrays and asarray return plain arrays of objects, whose numbers have no functions
     objects = isinstance(result, np.ndarray) and result.dtype == object
     return result.view(Symbols) if objects else result
 

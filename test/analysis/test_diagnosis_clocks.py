@@ -146,8 +146,8 @@ def test_stamps_are_multiples_of_the_least_time_between_them(spring):
     def grid(stamp):
         return stamps._grid(spring, replace(record.select(slice(len(stamp))), stamp=stamp))
 
-    for step in (0.036, 0.26):  # below and above the time between readings
-        rounded = 0.0123 + step * np.floor(taken / step)
+    for step in (1.0 / 60.0, 0.036, 0.26, 1.0 / 3.0):  # below and above the time between readings
+        rounded = np.round(0.0123 + step * np.floor(taken / step), 9)
         assert grid(rounded) == pytest.approx(step, abs=1e-6)
     regular = 0.0123 + 0.1 * np.arange(100)
     assert grid(regular) == grid(regular[rng.random(100) > 0.2]) == 0.0

@@ -326,6 +326,12 @@ def test_clusters_are_what_is_off_and_not_the_readings_between_them(level):
     largest = stretch._largest(pieces, every, 30.0)
     assert largest.stretches == clusters
     np.testing.assert_allclose(largest.size[:, 0], 5.0, atol=0.1)
+    both = np.zeros((B, 2, B, 2))
+    both[:, 0, :, 0], both[:, 1, :, 1] = M, 50.0 * np.eye(B)
+    noise = 50.0**0.5 * np.random.default_rng(8).normal(size=B)  # of another coordinate
+    two = stretch.Pieces(np.column_stack((g, noise)), both)
+    every = two.fitted(sorted([*clusters, *between]))
+    assert stretch._largest(two, every, 30.0).stretches == clusters
     # one offset alone, and offsets that are alike, stay
     assert stretch._largest(pieces, largest, 30.0) is largest
     off = {at for part in stretch.several(pieces, 30.0).stretches for at in range(*part)}

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Process noise that the class of a model has, and no parameter."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 from tools.doctor_score.array_replay import replay
@@ -25,6 +27,11 @@ class Cart(kr.Model):
 
     def noise_density(self, x):
         return np.diag([0.0, DENSITY])
+
+
+@dataclass(frozen=True)
+class Frozen(Cart):
+    """The same, of which no attribute can be set."""
 
 
 class Periods(kr.DiscreteModel):
@@ -67,7 +74,9 @@ def test_the_noise_of_a_class_is_found_with_its_factor(model):
         ('process noise too small', model_noise.WHOLE)
     ]
     assert findings[0].density.factor == pytest.approx(6.0**0.5, rel=0.2)
-    assert findings[0].sentence.endswith('The class of the model has it: multiply it there.')
+    assert findings[0].sentence.endswith(
+        'no parameter of that name scales it: multiply what the model returns.'
+    )
     assert findings[0].change == {}
     x, factor = np.zeros(2), findings[0].density.factor
     mended = findings[0].mended().scenario.model.noise_density(x)
@@ -75,12 +84,16 @@ def test_the_noise_of_a_class_is_found_with_its_factor(model):
     assert diagnose(driven(model), proofs=False).findings == ()
 
 
-@pytest.mark.parametrize('model', [Cart, Periods])
+@pytest.mark.parametrize('model', [Cart, Frozen, Periods])
 def test_the_model_is_multiplied_once_and_again(model):
     evidence = driven(model)
-    twice = model_noise.multiplied(model_noise.multiplied(evidence, 3.0), 2.0)
+    twice = evidence.noisier(3.0).noisier(2.0)
+    adopted = twice.adopting({'place.noise': [0.02]})
     x = np.zeros(2)
-    before, after = (each.scenario.model.noise_density(x) for each in (evidence, twice))
-    np.testing.assert_allclose(after, 6.0 * before)
-    np.testing.assert_allclose(evidence.scenario.model.noise_density(x)[1, 1], DENSITY)
-    assert Examination(twice).densities.keys() == {model_noise.WHOLE}
+    before = evidence.scenario.model.noise_density(x)
+    for changed in (twice, adopted):
+        np.testing.assert_allclose(changed.scenario.model.noise_density(x), 6.0 * before)
+        assert Examination(changed).densities.keys() == {model_noise.WHOLE}
+    np.testing.assert_allclose(before[1, 1], DENSITY)
+    back = twice.noisier(1.0 / 6.0).scenario.model
+    np.testing.assert_allclose(back.noise_density(x), before)

@@ -279,9 +279,10 @@ def test_noise_that_is_in_common_in_two_coordinates():
     case = Examination(replayed(MASSES, inputs, {**places(states), **read}))
     (found,) = common_noise.find(case)
     assert found.subject == 'left and right' and found.gain > 500.0
-    assert '(and of 1 more) at the same time has the correlation ' in found.sentence
-    size = float(found.sentence.partition('correlation ')[2].split(':')[0])
-    assert abs(size) == pytest.approx(0.8, abs=0.1)
+    assert '(and of 1 more pair) has the correlation ' in found.sentence
+    size = float(found.sentence.partition('correlation ')[2].split(' ')[0])
+    sign = 1.0 if 'left.x and right.x' in found.sentence else -1.0
+    assert sign * size == pytest.approx(0.8, abs=0.1)
     after = Examination(found.mended())
     assert common_noise.find(after) == []
     assert after.passage.mean_square == pytest.approx(1.0, abs=0.05)
@@ -296,9 +297,30 @@ def test_what_the_model_lacks_is_not_noise_in_common():
         name: (['x'], 0.002, states[:, :1] + 0.002 * rng.normal(size=(STEPS, 1)))
         for name in ('left', 'right')
     }
-    findings = diagnose(replayed(MASSES, inputs, {**places(states), **read}), proofs=False)
-    assert findings.findings[0].kind != 'correlated noise'
-    assert 'correlated noise' not in {each.kind for each in findings.findings}
+    findings = diagnose(
+        replayed(MASSES, inputs, {**places(states), **read}), proofs=False
+    ).findings
+    assert findings and 'correlated noise' not in {each.kind for each in findings}
+
+
+@pytest.mark.parametrize('alike', [0.0, 0.6, 0.9])
+def test_noise_in_common_of_sensors_whose_coordinates_are_correlated(alike):
+    rng, inputs = np.random.default_rng(17), pushes()
+    states, root = moved(inputs), np.linalg.cholesky(np.array([[1.0, alike], [alike, 1.0]]))
+    common, one, other = 0.002 * rng.normal(size=(3, STEPS, 2)) @ root.T
+    read = {
+        name: (['x', 'y'], 0.002, states[:, [0, 2]] + 0.5**0.5 * (common + alone))
+        for name, alone in (('left', one), ('right', other))
+    }
+    evidence = replayed(MASSES, inputs, {**places(states), **read})
+    R = 0.002**2 * root @ root.T
+    for name in read:
+        record = evidence.sensors[name]
+        whole = np.broadcast_to(R, record.covariance.shape).copy()
+        evidence = evidence.with_sensor(name, replace(record, covariance=whole))
+    (found,) = common_noise.find(Examination(evidence))
+    size = float(found.sentence.partition('correlation ')[2].split(' ')[0])
+    assert size == pytest.approx(0.5, abs=0.1) and found.gain > 300.0
 
 
 def test_a_push_on_one_of_several_inputs_is_named_alone():

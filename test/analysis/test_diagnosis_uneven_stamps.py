@@ -28,7 +28,7 @@ def test_they_are_found_with_their_spread(std):
     case = Examination(evidence_of(std))
     findings = {finding.subject: finding for finding in uneven_stamps.find(case)}
     finding = findings['position']
-    size = float(finding.sentence.partition('within ')[2].split()[0])
+    size = float(finding.sentence.partition('wrong by ')[2].split()[0])
     assert size == pytest.approx(std, rel=0.25)
     after = Examination(finding.mended())
     assert case.passage.misfit - after.passage.misfit > 0.7 * finding.gain > 30.0

@@ -78,9 +78,10 @@ def find(case: Examination) -> list[Finding]:
         similar = _total_gain(simpler) > (1.0 - _NEARLY) * _total_gain(courses)
         if similar and _kind_of(courses) == 'walk':
             findings.append(_finding(case, name, *_in_time(case, name, simpler, limits)))
-        steps = courses_of(case.responses, groups, kinds=('step',), about=about)
-        if _kind_of(courses) == 'ramp' and _total_gain(steps) > _total_gain(courses):
-            findings.append(_finding(case, name, *_in_time(case, name, steps, limits)))
+        if _kind_of(courses) == 'ramp':
+            steps = courses_of(case.responses, groups, kinds=('step',), about=about)
+            if _total_gain(steps) > _total_gain(courses):
+                findings.append(_finding(case, name, *_in_time(case, name, steps, limits)))
     return findings
 
 

@@ -54,7 +54,7 @@ def _is_suspect(e: Array) -> bool:
     """Return whether whitened innovations (N, k) are smaller than expected, or alike in time."""
     N, k = e.shape
     size = float(np.mean(e * e))
-    if size > _LARGE:
+    if not 0.0 < size <= _LARGE:
         return False
     r = float(np.max(np.mean(e[1:] * e[:-1], axis=0))) / size
     small = size < _SMALL and (1.0 - size) * np.sqrt(0.5 * N * k) > _FAR

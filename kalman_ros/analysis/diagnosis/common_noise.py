@@ -10,6 +10,7 @@ noise keeps its declared size.
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import combinations
 from math import log1p
 from typing import Any, NamedTuple
@@ -75,21 +76,17 @@ def _find(case: Examination, one: str, other: str) -> Finding | None:
     pair = _suspected(case.passage, one, other)
     if pair is None:
         return None
-    filters: dict[float, ErrorFilter] = {}
 
+    @cache
     def gain(share: float) -> float:
-        if share not in filters:
-            filters[share] = _with_common(case.passage, pair, share)
-        return case.passage.misfit - filters[share].misfit
+        try:
+            return case.passage.misfit - _with_common(case.passage, pair, share).misfit
+        except np.linalg.LinAlgError:
+            return -np.inf
 
-    try:
-        best = max(_TRIALS, key=gain)
-        best = max((min(best + by, _MOST) for by in (0.0, *_FINER)), key=gain)
-    except np.linalg.LinAlgError:
-        return None
-    if gain(best) < CHANCE:
-        return None
-    return _finding(case, pair, best, gain(best), filters[best])
+    best = max(_TRIALS, key=gain)
+    best = max((min(best + by, _MOST) for by in (0.0, *_FINER)), key=gain)
+    return _finding(case, pair, best, gain(best)) if gain(best) > CHANCE else None
 
 
 def _suspected(passage: Passage, one: str, other: str) -> _Pair | None:
@@ -100,6 +97,8 @@ def _suspected(passage: Passage, one: str, other: str) -> _Pair | None:
     A, B = (passage.whitened_of(name)[at] for name, at in zip((one, other), positions.T))
     scale = np.sqrt(np.outer(np.mean(A * A, axis=0), np.mean(B * B, axis=0)))
     r = (A.T @ B) / len(A) / np.maximum(scale, 1e-300)
+    if not np.abs(r).max() > _RELEVANT:
+        return None
     coordinates = _correlated(np.abs(r))
     i, j = coordinates[0]
     correlation = float(np.clip(r[i, j], -0.999999, 0.999999))
@@ -151,9 +150,11 @@ def _loads(passage: Passage, pair: _Pair, share: float) -> dict[str, Array]:
     for name, coordinates, at, signs in zip(
         pair.names, pair.coordinates.T, pair.positions.T, (np.ones(c), pair.signs)
     ):
-        std = np.sqrt(passage.series('R', name)[:, coordinates, coordinates])
         load = np.zeros((*passage.series('innovation', name).shape, c))
-        load[at[:, None], coordinates, np.arange(c)] = signs * np.sqrt(share) * std[at]
+        R = passage.series('R', name)[at]
+        root = np.linalg.cholesky(R[:, coordinates][:, :, coordinates])
+        spread = R[:, :, coordinates] @ np.linalg.inv(root).swapaxes(1, 2)
+        load[at] = signs * np.sqrt(share) * spread
         loads[name] = load
     return loads
 
@@ -174,22 +175,20 @@ def _with_common(passage: Passage, pair: _Pair, share: float) -> ErrorFilter:
         kept[begin + 1 : end + 1] = 1.0
     common = np.arange(-c, 0)
     errors.F[:, common, common], errors.Q[:, common, common] = kept[:, None], 1.0 - kept[:, None]
-    for (name, load), coordinates in zip(loads.items(), pair.coordinates.T):
-        rows = passage.rows.first[passage.of(name)][:, None] + coordinates
-        errors.R[rows, coordinates] -= (load**2)[:, coordinates, np.arange(c)]
+    for name, load in loads.items():
+        k = load.shape[1]
+        errors.R[passage.rows_of(name), :k] -= (load @ load.swapaxes(1, 2)).reshape(-1, k)
     return ErrorFilter(errors, passage.series('P')[0], np.eye(c))
 
 
-def _finding(
-    case: Examination, pair: _Pair, share: float, gain: float, filter: ErrorFilter
-) -> Finding:
+def _finding(case: Examination, pair: _Pair, share: float, gain: float) -> Finding:
     """Return the finding that a share of the noise of two sensors is in common."""
     passage, sensors = case.passage, case.evidence.scenario.sensors
 
     def mended() -> Evidence:
         """Return the evidence with noise of the same size that is independent."""
         evidence, rng = case.evidence, np.random.default_rng(_SEED)
-        path = filter.path(slice(None))
+        path = _with_common(passage, pair, share).path(slice(None))
         for (name, load), at in zip(_loads(passage, pair, share).items(), pair.positions.T):
             common = path[passage.of(name), :, None]
             value = evidence.sensors[name].value.copy()
@@ -205,15 +204,15 @@ def _finding(
     )
     A, B = (passage.whitened_of(name)[at, coordinate] for name, at, coordinate in most)
     others = len(pair.signs) - 1
-    more = f' (and of {others} more)' if others else ''
+    more = f' (and of {others} more pair{"s" if others > 1 else ""})' if others else ''
     curves = (Curve('at the same time', A, B, 'dots'),)
     one, other = pair.names
     return Finding(
         'correlated noise', f'{one} and {other}',
-        f'noise of {first} and {second}{more} at the same time has the correlation '
-        f'{pair.signs[0] * share:+.2f}: it is in part the same (one receiver, one clock, one '
-        'vibration). The filter takes them for independent and is surer than it should be: give '
-        'both as one sensor with its whole covariance, or use one of them.',
+        f'the noise of {first} and {second}{more} has the correlation '
+        f'{pair.signs[0] * share:+.2f} at the same time: it is in part the same (one receiver, '
+        'one clock, one vibration). The filter takes them for independent and is surer than it '
+        'should be: give both as one sensor with its whole covariance, or use one of them.',
         gain**0.5, gain=gain, is_exact=True, mended=mended,
         figure=Figure('Whitened innovations', first, second, curves),
     )  # fmt: skip

@@ -14,6 +14,8 @@ from kalman_ros.analysis.records import Beliefs, InputRecord, SensorRecord
 from kalman_ros.core import Array
 from kalman_ros.scenario import Scenario, build
 
+from .model_noise import noisier
+
 
 class Rerun(Protocol):
     """A function that replays a recording, or its first seconds, with changed parameters."""
@@ -49,6 +51,8 @@ class Evidence:
         have one, in their axes.
     origin
         Time from which all others are counted, in nanoseconds.
+    noise_factor
+        By how much the process noise of the model is larger than its class has it.
     """
 
     parameters: Mapping[str, Any]
@@ -60,6 +64,7 @@ class Evidence:
     headerless: frozenset[str] = frozenset()
     forces: Mapping[str, Array] = field(default_factory=dict)
     origin: int = 0
+    noise_factor: float = 1.0
 
     def with_sensor(self, name: str, record: SensorRecord) -> Evidence:
         """Return the evidence with another record of one sensor."""
@@ -116,6 +121,7 @@ class Evidence:
         """
         parameters = changed(self.parameters, changes)
         scenario = build(parameters, with_law=False)
+        scenario = replace(scenario, model=noisier(scenario.model, self.noise_factor))
         sensors = dict(self.sensors)
         for name, record in self.sensors.items():
             if f'{name}.noise' in changes and name in scenario.sensors and len(record):
@@ -123,6 +129,12 @@ class Evidence:
                 covariance = np.broadcast_to(R, (len(record), *R.shape)).copy()
                 sensors[name] = replace(record, covariance=covariance)
         return replace(self, parameters=parameters, scenario=scenario, sensors=sensors)
+
+    def noisier(self, factor: float) -> Evidence:
+        """Return the evidence with a model whose process noise is larger by a factor."""
+        whole = self.noise_factor * factor
+        scenario = replace(self.scenario, model=noisier(self.scenario.model, whole))
+        return replace(self, scenario=scenario, noise_factor=whole)
 
     @property
     def start(self) -> float:

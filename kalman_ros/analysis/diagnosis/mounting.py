@@ -111,8 +111,9 @@ def from_north(case: Examination, name: str, index: int) -> Finding:
     turned[:, index] = 0.5 * pi - turned[:, index]
     return Finding(
         'swapped', label,
-        f'{label} counts clockwise from north, where the model counts from east to north '
-        '(REP-103): its axes are those of north-east-down. Publish pi/2 less this angle.',
+        f'{label} is pi/2 less the angle of the model: it counts from the other axis, and the '
+        'other way, as a heading clockwise from north does, where REP-103 counts from east to '
+        'north. Publish pi/2 less this angle.',
         0.0, mended=lambda: case.evidence.with_values(name, space.wrap(turned)),
     )  # fmt: skip
 

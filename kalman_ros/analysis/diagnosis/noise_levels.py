@@ -14,7 +14,6 @@ from kalman_ros.analysis.records import SensorRecord
 from kalman_ros.core import Array
 from kalman_ros.scenario.parameter_text import yaml_value
 
-from . import model_noise
 from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Curve, DensityLevel, Figure, Finding, NoiseLevel
@@ -291,12 +290,8 @@ def _process_finding(
     density = known.get(name)
     change = density.change(density.value * factor**2) if density else {}
     try:
-        mended = (
-            case.evidence.adopting(change)
-            if change
-            else model_noise.multiplied(case.evidence, factor**2)
-        )
-    except ValueError:
+        mended = case.evidence.adopting(change) if change else case.evidence.noisier(factor**2)
+    except (ValueError, TypeError):  # of a class whose objects have no other class
         return []
     level = DensityLevel(name, factor, spread, change)
     finding = Finding(
@@ -309,7 +304,7 @@ def _process_finding(
 def _density_stated(level: DensityLevel) -> dict[str, Any]:
     """Return the kind, the subject, the sentence and the change of a finding."""
     way, size = _describe([level.factor], level.spread)
-    fits = 'The class of the model has it: multiply it there.'
+    fits = 'no parameter of that name scales it: multiply what the model returns.'
     if level.change:
         fits = f'{yaml_value(next(iter(level.change.values())))} fits.'
     sentence = f'the process noise {level.name} is too {way}, its root {size}: {fits}'

@@ -17,6 +17,7 @@ from kalman_ros.scenario.parameter_files import section
 from kalman_ros.scenario.wiring import system
 
 from .evidence import Evidence
+from .model_noise import noisier
 
 #: Relative step of numerical derivatives.
 STEP = 1e-4
@@ -179,6 +180,7 @@ def varied(evidence: Evidence) -> Iterator[Varied]:
             model = scenario.model
             if len(names) < len(candidate.given(candidate.value)):
                 model = model_of(declaration, section(changed, _MODEL))
+                model = noisier(model, evidence.noise_factor)
             sources = rebuild(scenario, changed, names).sensors
         except ValueError:
             continue

@@ -17,7 +17,7 @@ from .finding import Curve, Figure, Finding
 #: Steps below the first share of the declared standard deviation are harmless; those above the
 #: second one may be those of another unit.
 _HARMLESS, _ABSURD = 0.5, 100.0
-#: Two values are steps if each is read this often.
+#: Two values are steps if they change this often.
 _OFTEN = 20
 
 
@@ -71,8 +71,9 @@ def rounding(record: SensorRecord) -> Array:
 
 def grid(values: Array) -> float | None:
     """Return the step of which all values are multiples; None if there is none."""
-    levels, counts = np.unique(values, return_counts=True)
-    if not 2 <= len(levels) <= 0.6 * len(values) or (len(levels) == 2 and counts.min() < _OFTEN):
+    levels = np.unique(values)
+    once = len(levels) == 2 and np.count_nonzero(np.diff(values)) < _OFTEN
+    if not 2 <= len(levels) <= 0.6 * len(values) or once:
         return None
     gaps = np.diff(levels)
     step = float(gaps[gaps > 1e-9 * max(1.0, float(np.abs(levels).max()))].min(initial=inf))

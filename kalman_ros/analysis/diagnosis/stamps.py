@@ -184,8 +184,8 @@ def _find_rounded(evidence: Evidence, name: str, record: SensorRecord) -> Iterat
     grid = _grid(evidence, record)
     if not grid:
         return
-    usual = float(np.median(gaps))
-    if abs(float(np.median(received)) / usual - 1.0) > _IN_BLOCKS:
+    usual = float(np.median(received))
+    if abs(usual / float(np.median(gaps)) - 1.0) > _IN_BLOCKS:
         return
     spread, of_receipt = (float(np.std(x[x < 1.7 * usual])) for x in (gaps, received))
     if grid > _COARSE * usual and spread > 2.0 * of_receipt:
@@ -209,16 +209,26 @@ def _grid(evidence: Evidence, record: SensorRecord) -> float:
     gaps = np.diff(stamps)
     steps = np.diff(np.unique(np.round(gaps, 6)), prepend=0.0)
     least = float(steps[steps > _FINEST].min(initial=inf))
+    least = _refined(stamps - stamps[0], least) if least < inf else inf
     shared = record.stamped.sum() > _SEVERAL * len(stamps)
     # steps of one length alone are the period of the sensor
     uneven = float(np.median(gaps)) > 1.5 * least
-    if least < inf and (shared or uneven) and _are_multiples(stamps - stamps[0], least):
+    # each stamp is rounded to a microsecond
+    if least < inf and (shared or uneven) and _are_multiples(stamps - stamps[0], least, 2e-6):
         return least
     return next((grid for grid in _GRIDS if _are_multiples(stamps, grid)), 0.0)
 
 
-def _are_multiples(times: Array, step: float) -> bool:
-    return bool(np.abs(times / step - np.round(times / step)).max() * step <= 1e-6)
+def _refined(times: Array, step: float) -> float:
+    """Return a step of which times are multiples, from one that is right to a microsecond."""
+    for doublings in range(1, len(times).bit_length() + 1):
+        time = float(times[min(2**doublings, len(times) - 1)])
+        step = time / max(round(time / step), 1)
+    return step
+
+
+def _are_multiples(times: Array, step: float, within: float = 1e-6) -> bool:
+    return bool(np.abs(times / step - np.round(times / step)).max() * step <= within)
 
 
 def _selection(case: Examination, name: str, record: SensorRecord, rows: Any) -> dict[str, Any]:

@@ -31,8 +31,9 @@ _MOST_STRETCHES = 12
 _FEW = 4
 #: A sensor is examined in shorter pieces from this share of the largest gain on.
 _CLOSE = 0.4
-#: An offset is large from this share of the largest one on; what the others may explain.
-_LARGE, _NEARLY = 0.5, 0.05
+#: An offset is large from this share of the largest one on; what the others may explain, where
+#: all cover more than the last share of the pieces.
+_LARGE, _NEARLY, _COVERED = 0.5, 0.05, 0.5
 #: A stretch lasts to the end if it ends within this share of the recording before it.
 _AT_THE_END = 0.02
 #: How many stretches that gain too little are skipped.
@@ -178,8 +179,11 @@ def _largest(pieces: Pieces, offsets: Offsets, cost: float) -> Offsets:
 
     Where no other sensor tells the level, an offset of the readings between clusters fits, too.
     """
-    size = np.abs(offsets.size)
-    large = (size >= _LARGE * size.max(axis=0)).any(axis=1)
+    covered = sum(end - begin for begin, end in offsets.stretches)
+    if covered < _COVERED * len(pieces.gradient):
+        return offsets
+    size = np.linalg.norm(offsets.size / np.maximum(offsets.std, 1e-300), axis=1)
+    large = size >= _LARGE * size.max()
     if large.all():
         return offsets
     fewer = pieces.fitted([stretch for stretch, kept in zip(offsets.stretches, large) if kept])

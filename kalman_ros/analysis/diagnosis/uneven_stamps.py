@@ -83,9 +83,9 @@ def _finding(case: Examination, name: str, tau: float, std: float, gain: float) 
 
     return Finding(
         'stamps uneven', name,
-        f'readings of {name} are wrong by what moves within {tau:.3g} ± {std:.1g} s, at random: '
-        'they are stamped when a busy computer gets to them, not when they are taken. Stamp them '
-        'in the driver or by the clock of the sensor, or declare more noise.',
+        f'stamps of {name} are wrong by {tau:.3g} ± {std:.1g} s, by another time for each '
+        'reading: they are stamped when a busy computer gets to them, not when they are taken. '
+        'Stamp them in the driver or by the clock of the sensor, or declare more noise.',
         gain**0.5, gain=gain, figure=picture(name, case.evidence.sensors[name], 'interval'),
         mended=mended,
     )  # fmt: skip
