@@ -30,6 +30,10 @@ def test_they_are_found_with_their_spread(std):
     finding = findings['position']
     size = float(finding.sentence.partition('wrong by ')[2].split()[0])
     assert size == pytest.approx(std, rel=0.25)
+    (curve,) = finding.figure.curves  # errors grow with the rate
+    fast = np.abs(curve.x) > np.median(np.abs(curve.x))
+    of_fast, of_slow = (float(np.median(np.abs(curve.y[rows]))) for rows in (fast, ~fast))
+    assert of_fast > 1.1 * of_slow
     after = Examination(finding.mended())
     assert case.passage.misfit - after.passage.misfit > 0.7 * finding.gain > 30.0
 

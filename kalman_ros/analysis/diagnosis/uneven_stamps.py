@@ -17,10 +17,9 @@ from kalman_ros.core import Array
 
 from .evidence import Evidence
 from .examination import CHANCE, Examination
-from .finding import Finding
+from .finding import Curve, Figure, Finding
 from .hypotheses import reading_rates
 from .peak import deviation, peak
-from .stamps import picture
 
 #: Fewest readings of the sensor.
 _FEWEST = 50
@@ -86,6 +85,18 @@ def _finding(case: Examination, name: str, tau: float, std: float, gain: float) 
         f'stamps of {name} are wrong by {tau:.3g} ± {std:.1g} s, by another time for each '
         'reading: they are stamped when a busy computer gets to them, not when they are taken. '
         'Stamp them in the driver or by the clock of the sensor, or declare more noise.',
-        gain**0.5, gain=gain, figure=picture(name, case.evidence.sensors[name], 'interval'),
-        mended=mended,
+        gain**0.5, gain=gain, figure=_picture(case, name), mended=mended,
     )  # fmt: skip
+
+
+def _picture(case: Examination, name: str) -> Figure:
+    """Return the innovations of the coordinate that shows it most, by its rate."""
+    v, nu = (
+        reading_rates(case.evidence, case.passage, name),
+        case.passage.series('innovation', name),
+    )
+    std = np.sqrt(case.passage.series('S', name).diagonal(axis1=1, axis2=2))
+    index = int(np.argmax(np.mean((v / std) ** 2, axis=0)))
+    label = case.evidence.scenario.sensors[name].sensor.output.names[index]
+    curve = Curve('a reading', v[:, index], nu[:, index], 'dots')
+    return Figure(f'{name}: errors by rate', f'{label}, a second', 'innovation', (curve,))
