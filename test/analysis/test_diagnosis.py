@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from thorough import mostly_thorough
-from tools.doctor_score.cases import cases
-from tools.doctor_score.recordings import Injection, recorded, stamps_of, values_of
+from tools.strangers.injected.cases import TABLE
+from tools.strangers.injected.recordings import Injection, recorded, stamps_of, values_of
 
 from kalman_ros.analysis.diagnosis import diagnose as diagnose_module
 from kalman_ros.analysis.diagnosis import gross, stamps, units
@@ -91,7 +91,7 @@ def test_nothing_is_found_in_a_clean_recording(seed):
     'scenario', mostly_thorough(['diff_drive', 'mass_spring_damper_2d'], 'mass_spring_damper_2d')
 )
 def test_a_reading_of_something_else_is_unrelated(scenario):
-    case = next(c for c in cases() if c.fault == 'unrelated' and c.scenario == scenario)
+    case = next(c for c in TABLE if (c.label, c.system) == ('unrelated', scenario))
     [first, *_] = found_in(case.injection, 20.0, 7, scenario)
     assert (first.kind, first.subject) == ('unrelated', case.subject)
     assert first.change == {f'{case.subject}.enabled': False}

@@ -3,8 +3,8 @@
 
 import numpy as np
 import pytest
-from tools.doctor_score.array_replay import replay
-from tools.doctor_score.recordings import Injection, simulated
+from tools.strangers.injected.array_replay import replay
+from tools.strangers.injected.recordings import Injection, simulated
 
 from kalman_ros.analysis.diagnosis import common_scale, units
 from kalman_ros.analysis.diagnosis.diagnose import diagnose

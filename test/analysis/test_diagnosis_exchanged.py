@@ -2,7 +2,7 @@
 """Two sensors that are exchanged are named, whether or not the filter is lost by it."""
 
 import pytest
-from tools.doctor_score.recordings import recorded
+from tools.strangers.injected.recordings import recorded
 
 from kalman_ros.analysis.diagnosis import exchanged, gross
 from kalman_ros.analysis.diagnosis.diagnose import diagnose

@@ -8,7 +8,7 @@ from math import radians
 
 import numpy as np
 import pytest
-from tools.doctor_score.recordings import Injection, recorded, stamps_of, values_of
+from tools.strangers.injected.recordings import Injection, recorded, stamps_of, values_of
 
 from kalman_ros.analysis.diagnosis.diagnose import diagnose
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tools.doctor_score.recordings import recorded
+from tools.strangers.injected.recordings import recorded
 
 from kalman_ros.analysis.diagnosis import gross, mounting
 from kalman_ros.analysis.diagnosis.examination import Examination

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from thorough import thorough
-from tools.doctor_score.recordings import Injection, recorded
+from tools.strangers.injected.recordings import Injection, recorded
 
 from kalman_ros.analysis.diagnosis import common_noise, leftover, saturation, stretch
 from kalman_ros.analysis.diagnosis.bias import without_declared

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tools.doctor_score.array_replay import replay
-from tools.doctor_score.recordings import Injection, recorded
+from tools.strangers.injected.array_replay import replay
+from tools.strangers.injected.recordings import Injection, recorded
 
 from kalman_ros.analysis.diagnosis import outliers
 from kalman_ros.analysis.diagnosis.bias import courses_of

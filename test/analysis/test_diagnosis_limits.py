@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from examined import START, case, kinds, record, responding
-from tools.doctor_score.recordings import Injection, recorded, values_of
+from tools.strangers.injected.recordings import Injection, recorded, values_of
 
 from kalman_ros.analysis import records
 from kalman_ros.analysis.diagnosis import (

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from tools.doctor_score.array_replay import replay
+from tools.strangers.injected.array_replay import replay
 
 import kalman_ros as kr
 from kalman_ros.analysis.diagnosis import model_noise

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tools.doctor_score.array_replay import replay
+from tools.strangers.injected.array_replay import replay
 
 from kalman_ros.analysis.diagnosis import alignment, gross, mounting
 from kalman_ros.analysis.diagnosis.diagnose import diagnose

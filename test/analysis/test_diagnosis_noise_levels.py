@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tools.doctor_score.recordings import Injection, recorded
+from tools.strangers.injected.recordings import Injection, recorded
 
 from kalman_ros.analysis.diagnosis import noise_levels
 from kalman_ros.analysis.diagnosis.diagnose import diagnose

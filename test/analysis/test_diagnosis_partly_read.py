@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tools.doctor_score.recordings import recorded
+from tools.strangers.injected.recordings import recorded
 
 from kalman_ros.analysis.diagnosis import partly_read
 from kalman_ros.analysis.diagnosis.diagnose import diagnose

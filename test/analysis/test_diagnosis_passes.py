@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 from thorough import thorough
-from tools.doctor_score.recordings import recorded
+from tools.strangers.injected.recordings import recorded
 
 from kalman_ros.analysis.diagnosis.filter_pass import passage, rejected
 from kalman_ros.analysis.diagnosis.passage import Event

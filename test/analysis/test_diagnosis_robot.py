@@ -8,7 +8,7 @@ import sys
 
 import numpy as np
 import pytest
-from tools.doctor_score.array_replay import replay
+from tools.strangers.injected.array_replay import replay
 
 from kalman_ros.analysis.diagnosis.beginning import likeliest
 from kalman_ros.analysis.diagnosis.diagnose import diagnose

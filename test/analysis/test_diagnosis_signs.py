@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from tools.doctor_score.recordings import recorded
+from tools.strangers.injected.recordings import recorded
 
 from kalman_ros.analysis.diagnosis import gross
 from kalman_ros.analysis.diagnosis.examination import Examination

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tools.doctor_score.array_replay import replay
-from tools.doctor_score.recordings import Injection, recorded
+from tools.strangers.injected.array_replay import replay
+from tools.strangers.injected.recordings import Injection, recorded
 
 from kalman_ros.analysis.diagnosis import bias, common_noise, stretch, units
 from kalman_ros.analysis.diagnosis import inputs as input_faults

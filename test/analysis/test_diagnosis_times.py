@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 from thorough import thorough
-from tools.doctor_score.recordings import recorded
+from tools.strangers.injected.recordings import recorded
 
 from kalman_ros.analysis.diagnosis import lateness
 from kalman_ros.analysis.diagnosis.diagnose import diagnose

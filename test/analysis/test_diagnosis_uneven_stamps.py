@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from tools.doctor_score.recordings import recorded
+from tools.strangers.injected.recordings import recorded
 
 from kalman_ros.analysis.diagnosis import uneven_stamps
 from kalman_ros.analysis.diagnosis.diagnose import diagnose

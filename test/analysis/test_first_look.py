@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tools.doctor_score.recordings import Injection, recorded
+from tools.strangers.injected.recordings import Injection, recorded
 
 from kalman_ros.analysis.diagnosis import first_look
 from kalman_ros.analysis.diagnosis.diagnose import diagnose

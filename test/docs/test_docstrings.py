@@ -12,8 +12,8 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from injected_bag import write_bag
-from tools.doctor_score.recordings import Injection
+from tools.strangers.injected.bag import write_bag
+from tools.strangers.injected.recordings import Injection
 
 import kalman_ros as kr
 

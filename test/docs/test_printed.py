@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from injected_bag import write_bag
 from rich.console import Console
 from thorough import thorough
-from tools.doctor_score.recordings import Injection
+from tools.strangers.injected.bag import write_bag
+from tools.strangers.injected.recordings import Injection
 
 pytest.importorskip('rclpy')
 

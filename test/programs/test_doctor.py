@@ -9,8 +9,8 @@ from rich.console import Console
 
 pytest.importorskip('rclpy')
 
-from injected_bag import write_bag
-from tools.doctor_score.recordings import Injection, recorded, values_of
+from tools.strangers.injected.bag import write_bag
+from tools.strangers.injected.recordings import Injection, recorded, values_of
 
 from kalman_ros.analysis.checks import Check
 from kalman_ros.analysis.diagnosis.diagnose import Diagnosis, diagnose

@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from tools.doctor_score.array_replay import replay
+from tools.strangers.injected.array_replay import replay
 
 from kalman_ros.analysis.diagnosis import contradicted_parameters
 from kalman_ros.analysis.diagnosis.examination import Examination

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 from kalman_ros.analysis.diagnosis.diagnose import diagnose
 
-from ..doctor_score.recordings import recorded
+from ..strangers.injected.recordings import recorded
 from .benchmark import Benchmark
 from .filters import second
 

@@ -108,7 +108,7 @@ def is_right(finding: Finding, recording: Recording) -> bool:
         pairs = of_each[0] if all(of_each) else []
     if not pairs:
         return False
-    if recording.kind == 'noise' and pairs[0][0] == 'noise':
+    if recording.kind in ('noise', 'process noise') and pairs[0][0] == recording.kind:
         return bool(kind.endswith('small') == (recording.size > 1.0))
     if kind == 'unit':
         moved = search(rf'moved by {_NUMBER}', finding['sentence'])
@@ -135,7 +135,7 @@ def interval(finding: Finding, recording: Recording) -> str:
     """Return whether the interval of a right finding has the size of the fault; '' without one."""
     fault, size = recording.kind, recording.size
     meant = is_meant(finding['kind'], finding['subject'], fault, recording.subject)
-    if fault not in SIZED or not meant:
+    if fault not in SIZED or not meant or not size:
         return ''
     text = finding['sentence']
     ranges = [(float(a), float(b)) for a, b in findall(rf'\({_NUMBER} to {_NUMBER}, 95', text)]

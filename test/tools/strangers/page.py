@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from .score import Row, examine, judge
-from .sets import RECORDINGS, SETS
+from .scored import RECORDINGS, SCORED
 
 _HEAD = """# How often the diagnosis is right elsewhere
 
@@ -74,7 +74,7 @@ def write_page(file: Path, folder: Path) -> None:
             for each in some.recordings
             if (folder / name / each / 'doctor' / 'result.json').exists()
         ]
-        for name, some in SETS.items()
+        for name, some in SCORED.items()
     }
     file.write_text(''.join(f'{line}\n' for line in _lines({k: v for k, v in rows.items() if v})))
 
@@ -92,7 +92,7 @@ def _lines(rows: Mapping[str, Sequence[Row]]) -> Iterator[str]:
     yield '## In short\n'
     yield '| set | first | of these tied | among three | wrong and sure | clean, flagged |'
     yield '|---|--:|--:|--:|--:|--:|'
-    for name in sorted(rows, key=[*SETS].index, reverse=True):
+    for name in sorted(rows, key=[*SCORED].index, reverse=True):
         of = rows[name]
         shown = [row for row in of if not _is_hidden(row)]
         hidden = [row for row in of if _is_hidden(row)]

@@ -12,7 +12,7 @@ from kalman_ros.programs.refusal import refuse
 
 from .page import write_page
 from .score import score
-from .sets import SETS, write
+from .scored import SCORED, write
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -26,7 +26,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         help='for a folder each (default: %(default)s)',
     )  # fmt: skip
     parser.add_argument(
-        '--set', choices=[*SETS], default='first', help='of recordings (default: %(default)s)'
+        '--set', choices=[*SCORED], default='first', help='of recordings (default: %(default)s)'
     )
     parser.add_argument('--list', action='store_true', help='print the truths, and write nothing')
     parser.add_argument(
@@ -41,7 +41,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         help='for one run of the doctor (default: %(default)g)',
     )  # fmt: skip
     options = parser.parse_args(argv)
-    chosen = SETS[options.set].recordings
+    chosen = SCORED[options.set].recordings
     try:
         refuse_unknown(options.names, chosen, 'recording')
         if options.page:

@@ -56,7 +56,7 @@ class Recording:
         A short word for the fault, and the sensor or the parameter that it concerns.
     size, unit
         Of a scale, what is read by what is true; of noise, what is true by what is declared; of a
-        parameter, its true value.
+        parameter, its true value; 0 if it is not one number.
     fault
         What is done to the readings.
     alike
@@ -93,7 +93,9 @@ class Recording:
         if self.kind == 'clean':
             return f'{self.kind} except {self.own}' if self.own else self.kind
         alike = f' (like {self.alike})' if self.alike else ''
-        return f'{self.kind} of {self.subject}: {self.size:.4g} {self.unit}'.rstrip() + alike
+        number = f'{self.size:.4g}' if self.size else ''
+        size = f': {number} {self.unit}'.rstrip(' :')
+        return f'{self.kind} of {self.subject}{size}{alike}'
 
 
 # fmt: off
@@ -265,26 +267,23 @@ def write_files(
     rng = np.random.default_rng(recording.seed)
     readings = system.simulate(rng, {**system.physics, **recording.physics})
     recording.fault(readings, rng)
-    parameters = edited(recording, system)
+    parameters = edited(recording, system.parameters)
     place = Path(folder)
     place.mkdir(parents=True, exist_ok=True)
     write_recording(place / 'recording.mcap', readings, forms)
     (place / 'robot.yaml').write_text(parameters)
 
 
-def edited(recording: Recording, system: System) -> str:
-    """Return the parameter file of a system with the replacements of a recording.
+def edited(recording: Recording, parameters: str) -> str:
+    """Return a parameter file with the replacements of a recording.
 
     Raises
     ------
     ValueError
         If the file does not contain a text that is replaced.
     """
-    parameters = system.parameters
     for declared, other in recording.edits.items():
         if declared not in parameters:
-            raise ValueError(
-                f"{recording.name}: expected '{declared}' in the file of {system.name}"
-            )
+            raise ValueError(f"{recording.name}: expected '{declared}' in the parameter file")
         parameters = parameters.replace(declared, other)
     return parameters

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from .matching import Finding, interval, is_own, is_right, is_tied
-from .sets import RECORDINGS, write
+from .scored import RECORDINGS, write
 
 #: Kinds of findings that are remarks.
 REMARKS = ('rate', 'covariance zero')

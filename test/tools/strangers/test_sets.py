@@ -128,7 +128,7 @@ def test_the_files_of_a_set_are_edited_and_accepted(some: str, tmp_path: Path) -
     texts = set()
     for recording in each.recordings.values():
         system = each.systems[recording.system]
-        text = edited(recording, system)
+        text = edited(recording, system.parameters)
         assert (text != system.parameters) is bool(recording.edits), recording.name
         assert {*recording.physics} <= {*system.physics}, recording.name
         texts.add(text)

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """A bag of a simulated scenario, with faults if any, written without a node."""
 
+from __future__ import annotations
+
+from pathlib import Path
+
 from rclpy.serialization import serialize_message
-from tools.doctor_score.recordings import simulated
 
 from kalman_ros.bags.recording_writer import RecordingWriter
 from kalman_ros.codecs.messages import full_type
@@ -10,8 +13,12 @@ from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.scenario import build, shipped
 from kalman_ros.scenario.parameter_files import from_file
 
+from .recordings import Injection, simulated
 
-def write_bag(folder, name, injection, seconds, seed):
+
+def write_bag(
+    folder: str | Path, name: str, injection: Injection, seconds: float, seed: int
+) -> None:
     """Write a recording of a shipped scenario as a bag."""
     readings, inputs = simulated(name, injection, seconds, seed)
     scenario = build(from_file(shipped.file(name), 'estimator'))
