@@ -20,6 +20,7 @@ from kalman_ros.pipeline.estimate_topics import EstimateTopics, InnovationTopic,
 from kalman_ros.pipeline.fuser import Fused
 from kalman_ros.pipeline.global_topics import GlobalTopics
 from kalman_ros.pipeline.odometry_topic import OdometryTopic
+from kalman_ros.pipeline.reading_reader import Readings
 from kalman_ros.pipeline.settings import Settings
 from kalman_ros.scenario import SensorSource
 
@@ -62,6 +63,26 @@ class SensorColumns:
         v, S = correction.innovation, correction.innovation_covariance
         self._rows.append(numbers, sample.values, covariance, v, S)
 
+    def add_fused(
+        self,
+        readings: Readings,
+        received: Array,
+        stamp: Array,
+        innovation: Array,
+        S: Array,
+        nis: Array,
+    ) -> None:
+        """Add readings that were fused, with times of receipt and stamps in seconds."""
+        count = len(received)
+        stamped, fused = float(readings.time is not None), _CODES[Outcome.FUSED]
+        columns = (
+            received, stamp, np.full(count, stamped), readings.completed, np.full(count, fused),
+            nis,
+        )  # fmt: skip
+        self._rows.extend(
+            np.column_stack(columns), readings.values, readings.covariance, innovation, S
+        )
+
     def result(self, counts: dict[Outcome, int], undecodable: int) -> SensorReplay:
         """Return all readings."""
         columns = self._rows.columns()
@@ -96,6 +117,10 @@ class BeliefColumns:
         """Add a belief at a time in seconds."""
         self._rows.append(np.array((time,)), belief.mean, belief.covariance)
 
+    def extend(self, time: Array, mean: Array, covariance: Array) -> None:
+        """Add beliefs at times (N,)."""
+        self._rows.extend(time, mean, covariance)
+
     def result(self) -> Beliefs:
         """Return all beliefs."""
         columns = self._rows.columns()
@@ -111,6 +136,10 @@ class InputColumns:
     def add(self, received: float, stamp: float, u: Array) -> None:
         """Add an input."""
         self._rows.append(np.array((received, stamp)), u)
+
+    def extend(self, received: Array, stamp: Array, u: Array) -> None:
+        """Add inputs (N, m)."""
+        self._rows.extend(received, stamp, u)
 
     def result(self) -> InputRecord:
         """Return all inputs."""

@@ -36,13 +36,21 @@ class Rows:
 
     def append(self, *values: Array | None) -> None:
         """Append a row; a field is NaN where its value is None, or has another size."""
-        self._rows += b''.join(
-            [
-                blank if value is None or value.size != size else value.tobytes()
-                for value, (size, blank) in zip(values, self._blanks)
-            ]
-        )
-        self._count += 1
+        row = [
+            blank if value is None or value.size != size else value.tobytes()
+            for value, (size, blank) in zip(values, self._blanks)
+        ]
+        self._add(b''.join(row), 1)
+
+    def extend(self, *values: Array) -> None:
+        """Append rows, by the values (N, ...) of each field."""
+        count = len(values[0])
+        columns = [field.reshape(count, int(np.prod(field.shape[1:]))) for field in values]
+        self._add(np.hstack(columns).tobytes(), count)
+
+    def _add(self, rows: bytes, count: int) -> None:
+        self._rows += rows
+        self._count += count
         if len(self._rows) > _MOST:
             self._file = self._file or TemporaryFile(prefix='kalman_ros_')  # noqa: SIM115
             self._file.write(self._rows)

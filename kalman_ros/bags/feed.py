@@ -9,7 +9,7 @@ from functools import partial
 from kalman_ros.codecs.messages import UndecodableError, full_type, message_type, nanoseconds
 from kalman_ros.codecs.messages import decode as decoded
 from kalman_ros.codecs.wire import learn_layouts
-from kalman_ros.core import Gaussian
+from kalman_ros.core import Gaussian, unchecked
 from kalman_ros.core.named_options import nearest
 from kalman_ros.estimators.diffuse import Diffuse
 from kalman_ros.pipeline.frames import STATIC, TF, Frames
@@ -19,11 +19,12 @@ from kalman_ros.pipeline.initial_pose import POSES, SHARED, PoseReader
 from kalman_ros.pipeline.intake import Intake
 from kalman_ros.pipeline.lockstep_fuser import LockstepFuser
 from kalman_ros.pipeline.mounts import Mounts
-from kalman_ros.pipeline.reading_reader import InputReader, SensorReader
+from kalman_ros.pipeline.reading_reader import InputReader, Reading, SensorReader
 from kalman_ros.pipeline.settings import Settings
 from kalman_ros.pipeline.transforms import TYPE
 from kalman_ros.scenario import Scenario
 
+from .ahead import Ahead
 from .blocks import Message
 from .collecting import (
     BeliefColumns,
@@ -39,6 +40,10 @@ TICK, CLOCK = 'tick', '/clock'
 TICK_TYPE, CLOCK_TYPE = 'sensor_msgs/msg/TimeReference', 'rosgraph_msgs/msg/Clock'
 #: Nanoseconds beyond which a simulated clock that goes back has been set back.
 _BACK = 100_000_000
+#: Most messages that are taken one by one before it is tried again to take many.
+_LONGEST_PAUSE = 64
+#: Fewest messages that are tried to be taken together.
+_FEWEST = 64
 
 
 class Feed:
@@ -94,6 +99,7 @@ class Feed:
         #: Functions that read each topic of sensors, which several sensors may share.
         self._readers: dict[str, list[Callable[[bytes], object]]] = {}
         self._wire(bag)
+        self._topics_ahead, self._input_ahead = self._find_topics_ahead()
         #: Time at which a message is received, in nanoseconds.
         self._now = 0
         self._simulated = CLOCK in self._take
@@ -107,6 +113,8 @@ class Feed:
         #: Recording of the estimator's topics, if there is one.
         self.recording: EstimateRecording | None = None
         self._received = 0
+        #: Number of messages to try to take together next.
+        self._many = _FEWEST
 
     @property
     def _publishes(self) -> bool:
@@ -160,6 +168,25 @@ class Feed:
         if posed:
             self._look_at_frames(bag)
 
+    def _find_topics_ahead(self) -> tuple[dict[str, str], str]:
+        """Return the topics that are decoded ahead, of each sensor and of the input.
+
+        They are read by nothing else; '' stands for others.
+        """
+        scenario, resolve = self.settings.scenario, self._resolve
+        others = {TF, STATIC, *map(resolve, POSES)}
+
+        def alone(topic: str) -> str:
+            single = len(self._readers.get(topic, ())) == 1 and topic not in others
+            return topic if single else ''
+
+        enabled = scenario.enabled
+        topics = {
+            name: alone(resolve(enabled[name].signal.topic)) if name in enabled else ''
+            for name in self.online.sensors
+        }
+        return topics, alone(resolve(scenario.input.topic)) if scenario.model.input.size else ''
+
     def _look_at_frames(self, bag: Bag) -> None:
         """Take the transforms, by which poses in other frames are transformed."""
         for topic in (TF, STATIC):
@@ -183,6 +210,61 @@ class Feed:
             self._publish_until(self._now)
         self._intake(message.topic, self._take[message.topic], message.data)
 
+    def take(self, messages: Sequence[Message]) -> None:
+        """Take the next messages; those that need no decision at once."""
+        one_by_one = self.lockstep or self._period or self._simulated
+        if one_by_one or self.recording is not None:
+            for message in messages:
+                self(message)
+            return
+        ahead = Ahead(
+            messages, self.fuser, self._topics_ahead, self._input_ahead, self._intake.longest
+        )
+        at = wait = pause = 0
+        while at < len(messages):
+            taken = 0 if wait else self._take_first(ahead, at)
+            if taken:
+                at, pause = at + taken, 0
+                continue
+            reading, message = ahead.known.get(at), messages[at]
+            if reading is None:
+                self(message)
+            else:
+                self._received = self._now = message.time
+                self._fuse(ahead.name(message.topic), reading)
+            if not wait:
+                pause = wait = min(2 * pause + 1, _LONGEST_PAUSE)
+            at, wait = at + 1, wait - 1
+
+    def _take_first(self, ahead: Ahead, at: int) -> int:
+        """Take the messages from one on that need no decision, and return how many."""
+        arrivals = ahead.first(at, self._many)
+        tried = len(arrivals.time)
+        taken = self.fuser.fuse_first(arrivals) if tried else None
+        count = 0 if taken is None else len(taken.time)
+        self._many = max(2 * (tried if count == tried else count), _FEWEST)
+        if taken is None or not count:
+            return 0
+        assert self.start is not None
+        time, now, source, row, _, _ = arrivals.some(slice(count))
+        received, stamp = (now - self.start) * 1e-9, (time - self.start) * 1e-9
+        for index, (name, readings) in enumerate(zip(self._topics_ahead, ahead.readings)):
+            which = source == index
+            if which.any():
+                rows = row[which]
+                self.sensors[name].add_fused(
+                    readings.some(slice(int(rows[0]), int(rows[-1]) + 1)), received[which],
+                    stamp[which], taken.innovation[index], taken.S[index], taken.nis[index],
+                )  # fmt: skip
+        acts = source == len(ahead.readings)
+        if acts.any():
+            self.inputs.extend(received[acts], stamp[acts], ahead.inputs[row[acts]])
+        belief = unchecked((taken.mean[~acts], taken.covariance[~acts]))
+        belief = self.settings.scenario.believed.own(belief)
+        self.beliefs.extend((taken.time[~acts] - self.start) * 1e-9, *belief)
+        self._received = self._now = int(now[-1])
+        return count
+
     def undecodable(self, name: str) -> int:
         """Return the number of messages of a sensor that were dropped before their decoding."""
         topic = self._resolve(self.settings.scenario.sensors[name].signal.topic)
@@ -193,8 +275,11 @@ class Feed:
     def _on_reading(self, name: str, data: bytes) -> None:
         fuser = self.fuser
         channel = fuser.channels[name]
-        reading = channel.read(data, fuser.scenario.sensors[name])
-        now = self._now
+        self._fuse(name, channel.read(data, fuser.scenario.sensors[name]))
+
+    def _fuse(self, name: str, reading: Reading) -> None:
+        fuser, now = self.fuser, self._now
+        channel = fuser.channels[name]
         fused = fuser.fuse(
             [Received(reading.time or now, channel, reading, reading.refused)], now or None
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
+from itertools import chain, islice, repeat
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -32,8 +33,9 @@ from .replayed import Replayed, Truth
 from .smoothing import FinalBeliefs
 from .steps import Steps
 
-#: Number of messages between two reports of the progress.
-_REPORT = 500
+#: Number of messages that are taken together, at first and then, with a report of the progress,
+#: and of the numbers of their covariances.
+_FIRST, _FEWEST, _MOST, _NUMBERS = 20, 500, 4000, 1_000_000
 #: Note on a comparison of estimates that are not those at the readings.
 _AT_TICKS = (
     'Estimates are those of publish_rate, which lack the reading of the same instant: '
@@ -224,17 +226,22 @@ def _pass_messages(
         messages = steps = Steps(bag.messages(topics), tick, start, end)
     else:
         messages = bag.messages(topics, *bag.limits(start, end))
-    for message in messages:
-        count += 1
-        received = message.time
+    # few at first, after which the layout of each message is known
+    many = _NUMBERS // feed.settings.scenario.model.state.size**2
+    sizes = chain([_FIRST], repeat(min(max(many, _FEWEST), _MOST)))
+    left = iter(messages)
+    while block := list(islice(left, next(sizes))):
+        count += len(block)
+        received = block[-1].time
         if feed.start is None:
             feed.start = steps.origin
         for reader in readers:
-            if message.topic == reader.topic:
-                reader(message.data)
-        if not readers or message.topic in feed.topics:
-            feed(message)
-        if progress is not None and count % _REPORT == 0:
+            for message in block:
+                if message.topic == reader.topic:
+                    reader(message.data)
+        used = {*feed.topics} if readers else None
+        feed.take(block if used is None else [one for one in block if one.topic in used])
+        if progress is not None:
             progress(seconds(received, bag.start) - start)
     if feed.start is None or not count or (feed.lockstep and not feed.beliefs):
         names = ', '.join(feed.topics)

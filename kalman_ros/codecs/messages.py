@@ -10,6 +10,7 @@ from contextlib import nullcontext
 from time import monotonic
 from typing import Any
 
+import numpy as np
 from rclpy.serialization import deserialize_message
 from rosidl_generator_py.import_type_support_impl import UnsupportedTypeSupport
 
@@ -135,6 +136,13 @@ def split(time: int) -> tuple[int, int]:
     Times outside the range of stamps are clipped to it.
     """
     return divmod(min(max(time, _FIRST), _LAST), _NANOSECONDS)
+
+
+def stamps_of(messages: Any) -> Any:
+    """Return the stamps (N,) in ns of little-endian messages, the bytes of which are rows."""
+    first = messages[:, STAMP_START : STAMP_START + STAMP.size].copy()
+    seconds, rest = first[:, :4].copy().view('<i4')[:, 0], first[:, 4:].copy().view('<u4')[:, 0]
+    return seconds.astype(np.int64) * _NANOSECONDS + rest
 
 
 def leading_stamp(data: bytes) -> int:

@@ -7,16 +7,27 @@ a Python node, and nearly all of it is avoidable: see `layout`, and docs/explana
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import Any, NamedTuple
 
 import numpy as np
 from rclpy.serialization import serialize_message
 
 from kalman_ros.core import Array
 
-from .covariances import refuse_absent
+from .covariances import ABSENT, refuse_absent
 from .layout import BASE, SIZE, Layout, Places, Sample, learn
-from .messages import STAMP, STAMP_START, decode, leading_stamp, split, stamp_of
+from .messages import (
+    STAMP,
+    STAMP_START,
+    UndecodableError,
+    decode,
+    leading_stamp,
+    split,
+    stamp_of,
+    stamps_of,
+)
 from .padding import without_padding
 from .signal_codec import SignalCodec
 from .signal_codecs import Codec
@@ -52,7 +63,7 @@ class _CachedCovariance:
     """
 
     def __init__(self, elements: Any, places: Places, n: int) -> None:
-        self._elements, self._places, self._shape = elements, places, (n, n)
+        self._elements, self.places, self._shape = elements, places, (n, n)
         start, end = (int(places.min()), int(places.max()) + 1) if places.size else (0, 0)
         self._run = slice(BASE + SIZE * start, BASE + SIZE * end)
         self._bytes = b''
@@ -62,10 +73,31 @@ class _CachedCovariance:
         """Return the covariance (n, n), read-only: the array of the last message, if the same."""
         content = data[self._run]
         if content != self._bytes:
-            self._bytes, self._last = content, np.zeros(self._shape)
-            self._last[self._elements] = numbers[self._places]
-            self._last.flags.writeable = False
+            self._bytes, self._last = content, self.matrix(numbers)
         return self._last
+
+    def matrix(self, numbers: Array) -> Array:
+        """Return the covariance (n, n) among the numbers of a message, read-only."""
+        matrix = np.zeros(self._shape)
+        matrix[self._elements] = numbers[self.places]
+        matrix.flags.writeable = False
+        return matrix
+
+
+class Samples(NamedTuple):
+    """Many messages: stamps (N,) in nanoseconds or None, and vectors (N, n).
+
+    Parameters
+    ----------
+    covariances, which
+        Covariances (n, n) that follow each other, none if the messages have none, and the index
+        of that of each message.
+    """
+
+    time: Any
+    values: Array
+    covariances: Sequence[Array]
+    which: Any
 
 
 class _Template:
@@ -105,6 +137,26 @@ class _Template:
         time = leading_stamp(data) if stamped else None
         cached = self._covariance
         return Sample(time, numbers[values], None if cached is None else cached(data, numbers))
+
+    def read_all(self, messages: Sequence[bytes]) -> Samples | None:
+        """Return the contents of many messages; None if one does not fit or declares absence."""
+        length, layout = self._length, self._layout
+        if any(len(data) != length for data in messages):
+            return None
+        table = np.frombuffer(b''.join(messages), np.uint8).reshape(len(messages), length)
+        for run, same in self._fixed:
+            if (table[:, run] != np.frombuffer(same, np.uint8)).any():
+                return None
+        numbers: Array = table[:, BASE : BASE + SIZE * self._count].copy().view('<f8')
+        if (numbers[:, layout.declared] == ABSENT).any():
+            return None
+        time = stamps_of(table) if layout.stamped else None
+        if self._covariance is None:
+            return Samples(time, numbers[:, layout.values], (), np.zeros(len(table), dtype=int))
+        given = numbers[:, self._covariance.places.ravel()]
+        differs = np.concatenate(([True], (given[1:] != given[:-1]).any(axis=1)))
+        matrices = [self._covariance.matrix(numbers[at]) for at in np.flatnonzero(differs)]
+        return Samples(time, numbers[:, layout.values], matrices, np.cumsum(differs) - 1)
 
     def write(self, sample: Sample) -> bytes:
         """Return the message with another stamp and other numbers.
@@ -153,6 +205,25 @@ class WireReader:
             return sample
         time, values, covariance = sample
         return Sample(time, *self._turn(values, covariance))
+
+    def read_all(self, messages: Sequence[bytes]) -> Samples | None:
+        """Return the samples in many messages of one layout, at once; None if that is not so.
+
+        They are those of calls for each.
+        """
+        if not self._templates and self._may_learn:
+            with suppress(UndecodableError, LookupError, ValueError):
+                self._read(messages[0])
+        for template in self._templates:
+            samples = template.read_all(messages)
+            if samples is None or self._turn is None:
+                if samples is not None:
+                    return samples
+                continue
+            turned = [self._turn(values, None)[0] for values in samples.values]
+            matrices: Any = [self._turn(samples.values[0], C)[1] for C in samples.covariances]
+            return samples._replace(values=np.array(turned), covariances=matrices)
+        return None
 
     def _read(self, data: bytes) -> Sample:
         for template in self._templates:

@@ -23,13 +23,13 @@ from kalman_ros.core import (
 from kalman_ros.core.discrete_model import MOST_PERIODS, TOLERANCE
 from kalman_ros.core.dynamics import CorrectedMoments
 from kalman_ros.core.model import like
-from kalman_ros.core.ordered_data import OrderedData, StepMatrices
+from kalman_ros.core.ordered_data import FirstSteps, OrderedData, StepMatrices
 
 from .derived import derive
 from .formulas import of_discrete_model, of_model
 from .free_parameters import Parameters, freed
 from .library import load
-from .native_pass import MOST_STATES, run
+from .native_pass import MOST_STATES, run, run_first
 from .native_pass import declare as declare_pass
 from .native_sensor import sensor_source
 from .native_space import native_space
@@ -211,7 +211,18 @@ class NativeDynamics(Numbered, Dynamics):
         kept: bool = True,
     ) -> StepMatrices | None:
         """Return the matrices of an extended filter that processes data in order."""
-        return run(self, *belief, data, parts, sensors, limits, kept, MOST_READ)
+        return run(self, belief, data, parts, sensors, limits, kept, MOST_READ)
+
+    def first_steps(
+        self,
+        belief: tuple[Array, Array],
+        data: OrderedData,
+        parts: Any,
+        sensors: Sequence[Sensor],
+        limits: Sequence[float],
+    ) -> FirstSteps | None:
+        """Return the steps of an extended filter before a reading beyond its limit."""
+        return run_first(self, belief, data, parts, sensors, limits, MOST_READ)
 
     def step(self, x: Array, u: Array, dt: float) -> Array:
         """Return the state (..., n) after ``dt`` seconds with ``u`` held, without noise."""

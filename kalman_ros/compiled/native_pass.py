@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.core import Array, Sensor
-from kalman_ros.core.ordered_data import OrderedData, ReadingMatrices, StepMatrices
+from kalman_ros.core.ordered_data import FirstSteps, OrderedData, ReadingMatrices, StepMatrices
 
 from .native_space import turns
 from .numbered import function_address
@@ -27,6 +27,7 @@ class _Sensor(ctypes.Structure):
         ('sensed', _POINTER), ('p', _POINTER), ('subtract', _POINTER), ('turns', _POINTER),
         ('limit', _DOUBLE), ('k', _LONG), ('y', _POINTER), ('R', _POINTER),
         *((name, _POINTER) for name in ReadingMatrices._fields),
+        ('square', _POINTER),
     )  # fmt: skip
 
 
@@ -39,7 +40,8 @@ class _Sequence(ctypes.Structure):
         ('max_step', _DOUBLE), ('kept', _LONG), ('arrive', _POINTER), ('x', _POINTER),
         ('P', _POINTER),
         ('F', _POINTER), ('Q', _POINTER), ('predicted', _POINTER), ('covariance', _POINTER),
-        ('fused', _POINTER),
+        ('fused', _POINTER), ('means', _POINTER), ('covariances', _POINTER),
+        ('start', _POINTER), ('row', _POINTER),
     )  # fmt: skip
 
 
@@ -51,8 +53,7 @@ def declare(library: Any) -> None:
 
 def run(
     model: Any,
-    x: Array,
-    P: Array,
+    belief: tuple[Array, Array],
     data: OrderedData,
     parts: Any,
     sensors: Sequence[Sensor],
@@ -66,8 +67,8 @@ def run(
     ----------
     model
         A compiled model.
-    x, P
-        The belief (n,), (n, n) at the first instant.
+    belief
+        Mean (n,) and covariance (n, n) at the first instant.
     data
         Inputs and readings.
     parts
@@ -79,47 +80,117 @@ def run(
     most_read
         Most numbers of a reading.
     """
-    n, length, space = x.size, len(data.time), model.state
-    arrive = function_address(getattr(space, '_c_arrive', None))
-    if n > MOST_STATES or (space.rotations and not arrive):
+    try:
+        made = _Pass(model, belief, data, parts, sensors, limits, most_read, kept=kept)
+    except _NotInCError:
         return None
-    if data.inputs.shape[1:] != model._c_shapes[1]:
+    if made.count < len(data.time):
         return None
-    memory = _Memory()
-    structures, outputs = (_Sensor * len(sensors))(), []
-    for structure, sensor, y, R, limit in zip(
-        structures, sensors, data.readings, data.covariances, limits
-    ):
-        if y.shape[1] > most_read:
-            return None
-        matrices = _fill(structure, memory, sensor, y, R, n, kept)
-        if matrices is None:
-            return None
-        structure.limit = limit
-        outputs.append(matrices)
-    # one more, for a step to a reading that is not fused
-    steps = 1 + (int(np.count_nonzero(data.sensor >= 0)) if kept else 0)
-    F, Q, covariance = np.empty((3, steps, n, n))
-    predicted, fused = np.empty((steps, n)), np.zeros(length, dtype=bool)
-    after = x.copy(), P.copy()
-    at = memory.at
-    sequence = _Sequence(
-        length, at(data.dt), at(parts, ctypes.c_long), at(data.input, ctypes.c_long),
-        at(data.inputs), at(data.sensor, ctypes.c_long), ctypes.addressof(structures),
-        model._c_p, model.max_step, kept, arrive,
-        *(array.ctypes.data for array in (*after, F, Q, predicted, covariance, fused)),
-    )  # fmt: skip
-    if getattr(model._c_library, 'pass')(ctypes.byref(sequence)) < length:
-        return None
+    fused = made.fused
     counts = [int(np.count_nonzero(fused & (data.sensor == s))) for s in range(len(sensors))]
     whole = int(np.count_nonzero(fused)) if kept else 0
+    F, Q, predicted, covariance = (array[:whole] for array in made.steps)
     return StepMatrices(
-        F[:whole], Q[:whole], predicted[:whole], covariance[:whole], after, fused,
+        F, Q, predicted, covariance, made.after, fused,
         [
             ReadingMatrices(*(array[:count] for array in matrices))
-            for matrices, count in zip(outputs, counts)
+            for matrices, count in zip(made.readings, counts)
         ],
     )  # fmt: skip
+
+
+def run_first(
+    model: Any,
+    belief: tuple[Array, Array],
+    data: OrderedData,
+    parts: Any,
+    sensors: Sequence[Sensor],
+    limits: Sequence[float],
+    most_read: int,
+) -> FirstSteps | None:
+    """Return the steps before a reading beyond its limit, as `run`; None if not possible in C."""
+    try:
+        made = _Pass(model, belief, data, parts, sensors, limits, most_read, beliefs=True)
+    except _NotInCError:
+        return None
+    count = made.count
+    counts = np.bincount(data.sensor[:count] + 1, minlength=len(sensors) + 1)[1:].tolist()
+    read = [*zip(made.readings, made.squares, counts)]
+    return FirstSteps(
+        made.means[:count],
+        made.covariances[:count],
+        [matrices.innovation[:size] for matrices, _, size in read],
+        [matrices.S[:size] for matrices, _, size in read],
+        [square[:size] for _, square, size in read],
+    )
+
+
+class _NotInCError(Exception):
+    """A pass is not possible in C."""
+
+
+class _Pass:
+    """A pass over ordered data, with the arrays into which it writes.
+
+    Raises
+    ------
+    _NotInCError
+        If it is not possible.
+    """
+
+    def __init__(
+        self,
+        model: Any,
+        belief: tuple[Array, Array],
+        data: OrderedData,
+        parts: Any,
+        sensors: Sequence[Sensor],
+        limits: Sequence[float],
+        most_read: int,
+        *,
+        kept: bool = False,
+        beliefs: bool = False,
+    ) -> None:
+        (x, P), length, space = belief, len(data.time), model.state
+        n, arrive = x.size, function_address(getattr(space, '_c_arrive', None))
+        if n > MOST_STATES or (space.rotations and not arrive):
+            raise _NotInCError
+        if data.inputs.shape[1:] != model._c_shapes[1]:
+            raise _NotInCError
+        memory, structures = _Memory(), (_Sensor * len(sensors))()
+        self.readings, self.squares = [], []
+        counts = np.bincount(data.sensor + 1, minlength=len(sensors) + 1)[1:].tolist()
+        for structure, sensor, y, R, limit, count in zip(
+            structures, sensors, data.readings, data.covariances, limits, counts
+        ):
+            if y.shape[1] > most_read:
+                raise _NotInCError
+            self.readings.append(_fill(structure, memory, sensor, y, R, n, count, kept))
+            structure.limit = limit
+            if beliefs:
+                self.squares.append(np.empty(count))
+                structure.square = self.squares[-1].ctypes.data
+        # one more, for a step to a reading that is not fused
+        whole = 1 + (int(np.count_nonzero(data.sensor >= 0)) if kept else 0)
+        F, Q, covariance = np.empty((3, whole, n, n))
+        self.steps = F, Q, np.empty((whole, n)), covariance
+        self.fused, self.after = np.zeros(length, dtype=bool), (x.copy(), P.copy())
+        size = length if beliefs else 0
+        self.means, self.covariances = np.empty((size, n)), np.empty((size, n, n))
+        at = memory.at
+        more: tuple[int, ...] = ()
+        if beliefs:
+            steps = at(data.start, ctypes.c_long), at(data.row, ctypes.c_long)
+            more = self.means.ctypes.data, self.covariances.ctypes.data, *steps
+        sequence = _Sequence(
+            length, at(data.dt), at(parts, ctypes.c_long), at(data.input, ctypes.c_long),
+            at(data.inputs), at(data.sensor, ctypes.c_long), ctypes.addressof(structures),
+            model._c_p, model.max_step, kept, arrive,
+            *(array.ctypes.data for array in (*self.after, *self.steps, self.fused)),
+            *more,
+        )  # fmt: skip
+        #: The number of instants that were processed.
+        self.count = int(getattr(model._c_library, 'pass')(ctypes.byref(sequence)))
 
 
 class _Memory:
@@ -135,21 +206,25 @@ class _Memory:
 
 
 def _fill(
-    structure: _Sensor, memory: _Memory, sensor: Any, y: Array, R: Array, n: int, kept: bool
-) -> ReadingMatrices | None:
-    """Fill in the structure of a sensor, and return the matrices that it receives.
-
-    None if the sensor cannot be read in C.
-    """
-    count, k = y.shape
+    structure: _Sensor,
+    memory: _Memory,
+    sensor: Any,
+    y: Array,
+    R: Array,
+    n: int,
+    count: int,
+    kept: bool,
+) -> ReadingMatrices:
+    """Fill in the structure of a sensor, and return the matrices of ``count`` readings."""
+    k = y.shape[1]
     functions = _functions(sensor, n) if k == sensor.output.size else None
     if functions is None:
-        return None
+        raise _NotInCError
     more = count if kept else 1  # matrices that are not kept need room for one
     matrices = ReadingMatrices(
-        *map(np.empty, ((more, k, n), (more, n, k), (count, k, k))),
-        *map(np.empty, ((count, k), (more, k, k), more, (more, k))),
-    )
+        np.empty((more, k, n)), np.empty((more, n, k)), np.empty((count, k, k)),
+        np.empty((count, k)), np.empty((more, k, k)), np.empty(more), np.empty((more, k)),
+    )  # fmt: skip
     structure.sensed, structure.subtract, numbers = functions
     structure.p = numbers if isinstance(numbers, int) else memory.at(numbers)
     structure.turns, structure.k = memory.at(turns(sensor.output)), k

@@ -17,6 +17,7 @@ struct sensor {
     long k;
     const double *y, *R;
     double *H, *K, *S, *innovation, *white, *log, *whitened;
+    double *square;      /* normalised, of each innovation that is fused; 0 if not wanted */
 };
 
 struct sequence {
@@ -34,6 +35,11 @@ struct sequence {
     double *x, *P;        /* the belief, at the end that after the last instant */
     double *F, *Q, *predicted, *covariance; /* of each reading that is fused */
     char *fused;
+    /* the beliefs after all instants of a pass that ends before a reading beyond its limit; 0 for
+     * one that leaves such readings out */
+    double *means, *covariances;
+    const long *start, *row; /* of such a pass: the instant behind which a step begins, -1 for none,
+                              * and the reading */
 };
 
 static int is_finite(const double *x, long count)
@@ -56,6 +62,8 @@ INLINE int predicted(const struct sequence *s, long at, int first, double *F, do
         memcpy(s->x, moved, sizeof moved);
         sandwiched(F_k, s->P, Q_k, half);
         memcpy(s->P, half, sizeof half);
+        if (!s->kept)
+            continue;
         if (first && part == 0) {
             memcpy(F, F_k, sizeof F_k);
             memcpy(Q, Q_k, sizeof Q_k);
@@ -171,7 +179,7 @@ INLINE int fused(const struct sequence *s, struct sensor *of)
     of->y += k, of->R += k * k;
     if (!weighed(v, k, L, of->whitened, &square))
         return -1;
-    for (long c = 0; c < k; c++) {
+    for (long c = 0; c < k && s->kept; c++) {
         log_size += 2 * log(L[c * k + c]);
         for (long r = 0; r < k; r++) { /* column c of the inverse */
             double sum = r == c;
@@ -184,6 +192,8 @@ INLINE int fused(const struct sequence *s, struct sensor *of)
         return 0;
     memcpy(of->S, S, k * k * sizeof *S), of->S += k * k;
     memcpy(of->innovation, e, k * sizeof *e), of->innovation += k;
+    if (of->square)
+        *of->square++ = square;
     if (s->kept) {
         memcpy(of->H, H, k * N * sizeof *H), of->H += k * N;
         memcpy(of->K, K, k * N * sizeof *K), of->K += k * N;
@@ -194,12 +204,34 @@ INLINE int fused(const struct sequence *s, struct sensor *of)
     return 1;
 }
 
+/* Keeps the belief after an instant, where that is wanted; 0 if it is not positive definite. */
+INLINE int committed(const struct sequence *s, long at)
+{
+    double L[N * N];
+    if (!s->means)
+        return 1;
+    memcpy(L, s->P, sizeof L);
+    memcpy(s->means + at * N, s->x, N * sizeof *L);
+    memcpy(s->covariances + at * N * N, s->P, sizeof L);
+    return is_finite(s->x, N) && factored(L, N);
+}
+
 /* Returns the number of instants that were processed. */
 FAST long pass(const struct sequence *s)
 {
     double *F = s->F, *Q = s->Q, *x = s->predicted, *P = s->covariance;
+    double first_x[N], first_P[N * N];
+    memcpy(first_x, s->x, sizeof first_x);
+    memcpy(first_P, s->P, sizeof first_P);
     for (long at = 0, steps = 0; at < s->length; at++) {
+        if (s->means) {
+            const long start = s->start[at];
+            memcpy(s->x, start < 0 ? first_x : s->means + start * N, sizeof first_x);
+            memcpy(s->P, start < 0 ? first_P : s->covariances + start * N * N, sizeof first_P);
+        }
         if (s->dt[at] > 0 && !predicted(s, at, !steps++, F, Q))
+            return at;
+        if (!committed(s, at))
             return at;
         if (s->sensor[at] < 0)
             continue;
@@ -213,8 +245,14 @@ FAST long pass(const struct sequence *s)
         }
         memcpy(x, s->x, N * sizeof *x);
         memcpy(P, s->P, N * N * sizeof *P);
-        const int outcome = fused(s, s->sensors + s->sensor[at]);
-        if (outcome < 0)
+        struct sensor *of = s->sensors + s->sensor[at];
+        const struct sensor before = *of;
+        if (s->means)
+            of->y += s->row[at] * of->k, of->R += s->row[at] * of->k * of->k;
+        const int outcome = fused(s, of);
+        if (s->means)
+            of->y = before.y, of->R = before.R;
+        if (outcome < 0 || (s->means && (!outcome || !committed(s, at))))
             return at;
         if (outcome) {
             s->fused[at] = 1;

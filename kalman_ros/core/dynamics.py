@@ -14,7 +14,7 @@ from kalman_ros.linear.batched import factor, semidefinite_factor, times
 from kalman_ros.linear.kernels import corrected_moments, kernels
 from kalman_ros.linear.matrices import Array
 
-from .ordered_data import OrderedData, StepMatrices
+from .ordered_data import FirstSteps, OrderedData, StepMatrices
 from .space import Space
 
 
@@ -171,6 +171,20 @@ class Dynamics(ABC):
             The sensors, and the largest NIS at which a reading of each is fused.
         kept
             Whether more is wanted than innovations, their covariances and the belief at the end.
+        """
+        return None
+
+    def first_steps(
+        self,
+        belief: tuple[Array, Array],
+        data: OrderedData,
+        parts: Any,
+        sensors: Sequence[Any],
+        limits: Sequence[float],
+    ) -> FirstSteps | None:
+        """Return the steps of `filter_pass` before a reading beyond its limit, or one that fails.
+
+        None, the default, where that is not possible at once.
         """
         return None
 

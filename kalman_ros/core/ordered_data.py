@@ -24,6 +24,9 @@ class OrderedData(NamedTuple):
         Index of the sensor that is read, and that of its reading; -1 where an input begins.
     readings, covariances
         Readings (N, k) of each sensor and their noise covariances (N, k, k), in order.
+    start
+        Index of the instant at the belief of which the step begins (S,), -1 for the first belief;
+        None if that is the one before.
     """
 
     time: Array
@@ -34,6 +37,7 @@ class OrderedData(NamedTuple):
     row: Any
     readings: Sequence[Array]
     covariances: Sequence[Array]
+    start: Any = None
 
 
 class ReadingMatrices(NamedTuple):
@@ -80,3 +84,21 @@ class StepMatrices(NamedTuple):
     after: tuple[Array, Array]
     fused: Any
     readings: Sequence[ReadingMatrices]
+
+
+class FirstSteps(NamedTuple):
+    """The first instants of ordered data, up to one that the filter leaves to its caller.
+
+    Parameters
+    ----------
+    mean, covariance
+        Beliefs (S, n), (S, n, n) after each of them.
+    innovation, S, nis
+        Innovations (N, k) by sensor, their covariances (N, k, k) and normalised squares (N,).
+    """
+
+    mean: Array
+    covariance: Array
+    innovation: Sequence[Array]
+    S: Sequence[Array]
+    nis: Sequence[Array]

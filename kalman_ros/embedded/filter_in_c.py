@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
 from typing import Any
@@ -13,6 +13,7 @@ import numpy as np
 
 from kalman_ros.compiled.library import CompilerError, compiler, load
 from kalman_ros.core import Array, Gaussian, Sensor, unchecked
+from kalman_ros.core.ordered_data import FirstSteps, OrderedData
 from kalman_ros.estimators.filter import Correction, Filter, Prediction, SmoothableFilter
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.estimation import Estimation
@@ -22,6 +23,15 @@ from .source import filter_source
 
 _address: Callable[[Any], int] = ctypes.addressof
 _memory: Callable[[Any], Any] = ctypes.c_char.from_buffer
+
+
+class _Readings(ctypes.Structure):
+    """``readings_of_sensor`` of ``filter.c``."""
+
+    _fields_ = (
+        ('y', ctypes.c_void_p), ('R', ctypes.c_void_p), ('limit', ctypes.c_double),
+        *((name, ctypes.c_void_p) for name in ('innovation', 'S', 'nis')),
+    )  # fmt: skip
 
 
 class FilterInC(Filter):
@@ -52,6 +62,10 @@ class FilterInC(Filter):
         predict.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_long, ctypes.c_double]
         correct.argtypes = [ctypes.c_void_p, ctypes.c_long, ctypes.c_int]
         predict.restype = correct.restype = None
+        library.filter_first.argtypes = [
+            ctypes.c_void_p, ctypes.c_long, *[ctypes.c_void_p] * 9
+        ]  # fmt: skip
+        library.filter_first.restype = ctypes.c_long
         library.filter_size.restype = ctypes.c_ulong
         self._library = library
         self._loop = ctypes.create_string_buffer(library.filter_size())
@@ -88,6 +102,50 @@ class FilterInC(Filter):
             raise np.linalg.LinAlgError('the innovation covariance is not positive definite')
         S = v[whole + k : -1].reshape(k, k)
         return Correction(self._belief(v), v[whole : whole + k], S, nis=float(v[-1]))
+
+    def first_steps(
+        self,
+        belief: Gaussian,
+        data: OrderedData,
+        sensors: Sequence[Sensor],
+        limits: Sequence[float],
+    ) -> FirstSteps | None:
+        """Return the steps before a reading beyond its limit, of readings of sensors in C."""
+        places = [self._sensors.get(sensor.name, -1) for sensor in sensors]
+        if any(place < 0 and len(y) for place, y in zip(places, data.readings)):
+            return None
+        length, n = len(data.dt), self._n
+        x, P = np.empty((length + 1, n)), np.empty((length + 1, n, n))
+        x[0], P[0] = belief
+        given = [
+            (np.ascontiguousarray(y, float), np.ascontiguousarray(R, float))
+            for y, R in zip(data.readings, data.covariances)
+        ]
+        counts = np.bincount(data.sensor + 1, minlength=len(sensors) + 1)[1:].tolist()
+        results = [
+            (np.empty((size, *y.shape[1:])), np.empty((size, *R.shape[1:])), np.empty(size))
+            for (y, R), size in zip(given, counts)
+        ]
+        readings = (_Readings * len(self._sensors))()
+        for place, (y, R), into, limit in zip(places, given, results, limits):
+            if place >= 0:
+                addresses = (array.ctypes.data for array in into)
+                readings[place] = _Readings(y.ctypes.data, R.ctypes.data, limit, *addresses)
+        sensor = np.array([*places, -1])[data.sensor]
+        steps = [
+            np.ascontiguousarray(array, kind)
+            for array, kind in (
+                (data.dt, float), (data.input, ctypes.c_long), (data.inputs, float),
+                (sensor, ctypes.c_long), (data.start, ctypes.c_long), (data.row, ctypes.c_long),
+            )
+        ]  # fmt: skip
+        count = self._library.filter_first(
+            self._loop, length, *(array.ctypes.data for array in steps),
+            ctypes.addressof(readings), x.ctypes.data, P.ctypes.data,
+        )  # fmt: skip
+        sizes = np.bincount(data.sensor[:count] + 1, minlength=len(sensors) + 1)[1:].tolist()
+        read = [[array[:size] for array in into] for into, size in zip(results, sizes)]
+        return FirstSteps(x[1 : count + 1], P[1 : count + 1], *zip(*read))
 
     def stacked(self) -> Filter:
         """Return the filter for beliefs with leading axes."""

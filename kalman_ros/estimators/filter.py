@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import log, pi
 from typing import Any, ClassVar, NamedTuple
@@ -13,6 +13,7 @@ import numpy as np
 
 from kalman_ros.core import Array, Dynamics, Gaussian, Sensor, is_finite, unchecked
 from kalman_ros.core.known_names import KnownNames
+from kalman_ros.core.ordered_data import FirstSteps, OrderedData
 from kalman_ros.core.stacked import stacked
 from kalman_ros.linear.factor import cholesky
 from kalman_ros.linear.kernels import kernels
@@ -182,6 +183,30 @@ class Filter(ABC):
         numpy.linalg.LinAlgError
             If the innovation covariance is not positive definite.
         """
+
+    def first_steps(
+        self,
+        belief: Gaussian,
+        data: OrderedData,
+        sensors: Sequence[Sensor],
+        limits: Sequence[float],
+    ) -> FirstSteps | None:
+        """Return the steps through ordered data up to a reading that needs a decision, at once.
+
+        The steps end before a reading whose NIS is beyond the limit of its sensor, and before one
+        after which the belief is not positive definite. None, the default, where predictions and
+        corrections have to be computed one by one.
+
+        Parameters
+        ----------
+        belief
+            Belief at the first instant, less its step.
+        data
+            Inputs and readings.
+        sensors, limits
+            The sensors, and the largest NIS of each.
+        """
+        return None
 
     def stacked(self) -> Filter:
         """Return the filter for beliefs with leading axes, even if its model takes one state."""

@@ -42,6 +42,11 @@ class Gate:
         self._needed = policy.recover_after
         self._memory = round(policy.max_gap * 1e9) or inf
 
+    @property
+    def agreeing(self) -> list[float]:
+        """Largest NIS of a reading of each sensor that counts in full."""
+        return [soft for soft, _ in self._limits]
+
     def __call__(
         self,
         filter: Filter,

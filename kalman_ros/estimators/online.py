@@ -24,6 +24,7 @@ from kalman_ros.core.discrete_model import MOST_PERIODS
 from kalman_ros.linear.single import is_definite
 
 from . import agreement
+from .arrivals import Arrivals, Schedule, Taken
 from .diffuse import Diffuse, begun
 from .filter import Correction, Filter, committed
 from .gate import Gate
@@ -35,6 +36,8 @@ from .timeline import Arrival, Item, State, Timeline
 #: Old readings mean that the clock went back only if no reading was current for this long, in
 #: nanoseconds.
 _OUTDATED = 250_000_000
+#: Fewest arrivals that are processed at once: below, one after the other is as fast.
+_TOGETHER = 8
 
 
 class OnlineEstimator:
@@ -197,6 +200,43 @@ class OnlineEstimator:
         self._settle()
         return [result.fate if isinstance(result, Item) else (result, None) for result in results]
 
+    def add_first(self, arrivals: Arrivals) -> Taken | None:
+        """Add those of many arrivals that need no decision at once, as `add` one after the other.
+
+        Those are the first ones, up to one that is refused, doubted, follows a gap or leaves a
+        covariance to repair. Returns what became of them; None if there are too few, or if the
+        filter does not compute their steps at once.
+        """
+        head, policy, last = self._timeline.head, self._policy, self._timeline.last
+        if last is None or head.u is None or isinstance(head.belief, Diffuse) or self._period:
+            return None
+        if policy.from_rest or policy.adaptive or self.on_final is not len:
+            return None
+        arrivals = arrivals.some(slice(arrivals.usable(policy.future_tolerance * 1e9)))
+        if len(arrivals.time) < _TOGETHER:
+            return None
+        schedule = Schedule(arrivals, last, self._window, self._max_gap)
+        if len(schedule.last) < _TOGETHER:
+            return None
+        data, sensors = schedule.data(head.u), [self._sensors[name] for name in self._names]
+        steps = self._filter.first_steps(head.belief, data, sensors, self._gate.agreeing)
+        if steps is None:
+            return None
+        taken = schedule.taken(steps)
+        count = len(taken.time)
+        if not count:
+            return taken
+        window = self._window, head, self._filter, sensors
+        items = [*schedule.items(count, steps, *window)]
+        self._timeline.extend(items, whole=len(items) == count)
+        self._timeline.forget(self._window)
+        for name, readings in zip(self._names, taken.nis):
+            self.counts[name][Outcome.FUSED] += len(readings)
+        read = np.flatnonzero(arrivals.source[:count] < len(self._names))
+        if len(read):
+            self._old_in_a_row, self._current_at = 0, int(arrivals.now[read[-1]])
+        return taken
+
     def _place(self, arrival: Arrival, now: int | None) -> Item | Outcome:
         """Insert an arrival and return its item, or count and return its refusal."""
         result = self._checked(arrival, now)
@@ -262,7 +302,7 @@ class OnlineEstimator:
         if last is not None and last[0] == key:
             return last[1]
         sensor = self._sensors[name]
-        if not _is_covariance(covariance, len(sensor.covariance)):
+        if not is_covariance(covariance, len(sensor.covariance)):
             return None
         sensor = sensor.with_covariance(covariance)
         self._with_covariance[name] = (key, sensor)
@@ -352,7 +392,7 @@ class OnlineEstimator:
         return self._policy.from_rest and not fixed and not isinstance(belief, Diffuse)
 
 
-def _is_covariance(R: Array, size: int) -> bool:
+def is_covariance(R: Array, size: int) -> bool:
     """Return whether ``R`` is finite, symmetric and positive definite."""
     if R.shape != (size, size) or not is_finite(R):
         return False

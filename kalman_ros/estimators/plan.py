@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from math import ceil
+from typing import Any
 
 import numpy as np
 
@@ -33,6 +34,12 @@ def parts(model: Dynamics, dt: float) -> int:
     if model.is_discrete or not _ONE < ratio <= MOST_SUBSTEPS:
         return 1
     return ceil(min(ratio / _ONE, _MOST_PARTS))
+
+
+def all_parts(model: Dynamics, dt: Array) -> Any:
+    """Return the `parts` of each of steps dt (S,), a few of which differ."""
+    lengths, which = np.unique(dt, return_inverse=True)
+    return np.array([parts(model, length) for length in lengths.tolist()], dtype=int)[which]
 
 
 def carried(model: Dynamics, points: Array, u: Array, dt: float) -> tuple[Array, Array]:

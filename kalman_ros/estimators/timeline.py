@@ -95,6 +95,23 @@ class Timeline:
         """The estimator state after the newest item."""
         return self._items[-1].after if self._items else self._base
 
+    @property
+    def last(self) -> tuple[int, int] | None:
+        """Stamp and order of the newest item; None if there is none."""
+        return self._items[-1].key[:2] if self._items else None
+
+    def extend(self, items: list[Item], *, whole: bool) -> None:
+        """Append processed items behind all others.
+
+        They are the ``whole``, or those behind the window and one before it, which stands for all
+        before.
+        """
+        if not whole:
+            self._base, self._items = items[0].after, []
+            items = items[1:]
+        self._items += items
+        self._settled = len(self._items)
+
     def insert(self, item: Item, window: int) -> Outcome | None:
         """Insert an item by its stamp; return the outcome if that is impossible.
 

@@ -14,6 +14,7 @@ from kalman_ros.analysis.local_observability import ObservabilityMeter
 from kalman_ros.codecs.layout import Sample
 from kalman_ros.compiled.parts import NUMPY
 from kalman_ros.core import Array, Gaussian
+from kalman_ros.estimators.arrivals import Arrivals, Taken
 from kalman_ros.estimators.filter import Correction
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.outcome import Outcome
@@ -143,6 +144,28 @@ class Fuser:
             else:
                 self._account_for_input(time, sample.values, outcome)
         return fused
+
+    def fuse_first(self, arrivals: Arrivals) -> Taken | None:
+        """Fuse those of many readings and inputs that need no decision, as `fuse` does, at once.
+
+        Returns what became of these first ones; None if it is not possible. Observability is not
+        measured.
+        """
+        if self.before_next is not None or not self.fusing:
+            return None
+        acts = arrivals.source == len(arrivals.covariances)
+        ready = self.timeout.before_end(arrivals.time, arrivals.now, acts)
+        taken = self.online.add_first(arrivals.some(slice(ready)))
+        if taken is None or not len(taken.time):
+            return taken
+        time, acts = arrivals.time[: len(taken.time)], acts[: len(taken.time)]
+        if acts.any():
+            self.inputs[Outcome.FUSED] += int(np.count_nonzero(acts))
+            self.timeout.on_input(int(time[acts].max()))
+        if not acts.all():
+            newest = int(time[~acts].max())
+            self.fused_at = newest if self.fused_at is None else max(newest, self.fused_at)
+        return taken
 
     def predicted(self, time: int) -> Gaussian:
         """Return the belief at a ``time`` not before the newest stamp, without keeping it."""

@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from kalman_ros.codecs.layout import Sample
 from kalman_ros.codecs.signal_codecs import codec_of
-from kalman_ros.codecs.wire import WireReader, WireWriter
+from kalman_ros.codecs.wire import Samples, WireReader, WireWriter
 from kalman_ros.core import Array, Signal
 from kalman_ros.scenario.input_place import at_centre
 
@@ -29,6 +30,10 @@ class InputDecoder:
             If the bytes are not those of such a message, or the input is not in it.
         """
         return self.moved(self.read(data))
+
+    def read_all(self, messages: Sequence[bytes]) -> Samples | None:
+        """Return the inputs in many messages at once, as calls; None if that is not possible."""
+        return self.read.read_all(messages) if self._place is None else None
 
     def moved(self, sample: Sample) -> Sample:
         """Return what was read at its place, at the centre."""

@@ -3,6 +3,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
+
 from kalman_ros.core import Array
 from kalman_ros.estimators.timeline import Arrival
 
@@ -30,6 +34,19 @@ class InputTimeout:
         if self._timeout:
             due = time + self._timeout
             self._due = due if self._due is None else max(self._due, due)
+
+    def before_end(self, time: Any, now: Any, acts: Any) -> int:
+        """Return how many messages come before an input ends, of many with stamps ``time`` (S,).
+
+        ``now`` (S,) are their times of arrival, and ``acts`` (S,) whether they are inputs.
+        """
+        if not self._timeout:
+            return len(time)
+        begun = 0 if self._due is None else self._due
+        due = np.maximum.accumulate(np.where(acts, time + self._timeout, 0))
+        due = np.maximum(np.concatenate(([0], due[:-1])), begun)
+        ended = (due > 0) & (np.minimum(time, now) > due)
+        return int(np.argmax(ended)) if ended.any() else len(time)
 
     def ending(self, time: int) -> tuple[int, Array] | None:
         """Return the end of the last input and the idle input, if the end is before ``time``."""

@@ -16,11 +16,12 @@ from kalman_ros.codecs.fixes import NoFixError
 from kalman_ros.codecs.layout import Sample
 from kalman_ros.codecs.messages import FRAME_START, leading_stamp
 from kalman_ros.codecs.signal_codecs import codec_of
-from kalman_ros.codecs.wire import WireReader
+from kalman_ros.codecs.wire import Samples, WireReader
 from kalman_ros.core import Array, Signal, is_finite
 from kalman_ros.core.geodesy import Origin
 from kalman_ros.estimators.consistency import ChiSquareWindow
 from kalman_ros.estimators.filter import Correction
+from kalman_ros.estimators.online import is_covariance
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.linear.single import is_definite
 from kalman_ros.scenario import SensorSource
@@ -54,6 +55,31 @@ class Reading(NamedTuple):
     covariance: Array | None
     refused: Outcome | None = None
     completed: bool = False
+
+
+class Readings(NamedTuple):
+    """Decoded messages of a sensor.
+
+    Parameters
+    ----------
+    time
+        Stamps (N,) in nanoseconds; None if the messages have none.
+    values, covariance
+        Readings (N, k), and the covariances (N, k, k) with which they are used.
+    completed
+        Whether the configured covariance is used for a part that the message leaves out (N,).
+    """
+
+    time: Any
+    values: Array
+    covariance: Array
+    completed: Any
+
+    def some(self, which: slice) -> Readings:
+        """Return some of them, one behind the other."""
+        time = None if self.time is None else self.time[which]
+        columns = (column[which] for column in self[1:])
+        return Readings(time, *columns)
 
 
 class ReadingReader:
@@ -100,12 +126,40 @@ class ReadingReader:
             If the bytes are not those of such a message.
         """
         reading = self._decoded(data, source)
-        if self._origin is not None and self._origin.is_new:
+        if self._origin is not None and self.is_new:
             self._origin.settle(good=_is_usable(reading))
         # a stamp of zero means that there is no stamp
         if self._offset and reading.time:
             return reading._replace(time=reading.time + self._offset)
         return reading
+
+    def read_all(self, messages: Sequence[bytes], source: SensorSource) -> Readings | None:
+        """Return the readings in many messages at once, as calls for each; None if not possible.
+
+        It is possible where no message is refused, and none depends on an earlier one.
+        """
+        depends = self._still is not None or self._change is not None or self.is_new
+        if depends or not messages[0].startswith(self._guard.accepted, FRAME_START):
+            return None
+        samples = self._read.read_all(messages)
+        if samples is None:
+            return None
+        time, values, carried, which = samples
+        count, R = len(values), source.sensor.covariance
+        if self._offset:
+            time = np.where(time, time + self._offset, 0)
+        if self._zero is not None:
+            values, carried = np.broadcast_to(self._zero, (count, len(self._zero))), ()
+        matrices = [source.used(C) for C in carried] or [None]
+        if not all(C is None or is_covariance(C, len(R)) for C in matrices):
+            return None
+        completed = [C is not None and C is not given for C, given in zip(matrices, carried)]
+        return Readings(
+            time,
+            values,
+            np.array([R if C is None else C for C in matrices])[which],
+            np.array(completed or [False])[which],
+        )
 
     def _decoded(self, data: bytes, source: SensorSource) -> Reading:
         """Return the reading in a message, with the stamp of the message."""
@@ -142,6 +196,11 @@ class ReadingReader:
             used = source.used(received)
             self._used = received, source, used
         return used
+
+    @property
+    def is_new(self) -> bool:
+        """Whether a message may still decide about the datum of others."""
+        return self._origin is not None and self._origin.is_new
 
     @property
     def frame(self) -> str:
@@ -250,6 +309,15 @@ class InputReader:
         self._signal, self._read, self._mounts = signal, InputDecoder(signal), None
         return self.read(data)
 
+    def read_all(self, messages: Sequence[bytes]) -> Samples | None:
+        """Return the inputs in many messages at once; None where `read` has to decide for each."""
+        if not messages[0].startswith(self._guard.accepted, FRAME_START):
+            return None
+        samples = self._read.read_all(messages) if self._mounts is None else None
+        if samples is None or not self._offset:
+            return samples
+        return samples._replace(time=np.where(samples.time, samples.time + self._offset, 0))
+
     def configure(self, signal: Signal) -> None:
         """Use the scale of a signal that was changed live; its names are the same."""
         before, scale = self._signal.mounting, signal.mounting.scale
@@ -298,6 +366,15 @@ class SensorReader:
                 return self._read.refused(reading.time, Outcome.NO_TRANSFORM, error)
             self._mounts = None
         return self._read(data, source)
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether its messages decide about nothing but its readings."""
+        return self._mounts is None and not self._read.is_new
+
+    def read_all(self, messages: Sequence[bytes], source: SensorSource) -> Readings | None:
+        """Return the readings in many messages at once; None if that is not possible."""
+        return self._read.read_all(messages, source) if self.is_settled else None
 
     @property
     def trouble(self) -> str:

@@ -89,7 +89,7 @@ class Believed:
         if not self.places:
             return belief
         n = min(place.start for place in self.places.values())
-        return Gaussian(belief.mean[:n], belief.covariance[:n, :n])
+        return Gaussian(belief.mean[..., :n], belief.covariance[..., :n, :n])
 
     def biases(self, belief: Gaussian) -> dict[str, Gaussian]:
         """Return the bias of each sensor that has one."""

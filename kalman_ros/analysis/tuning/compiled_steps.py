@@ -11,7 +11,7 @@ import numpy as np
 from kalman_ros.core import Array, Gaussian, unchecked
 from kalman_ros.core.ordered_data import OrderedData
 from kalman_ros.estimators.filters.ekf import ExtendedKalmanFilter
-from kalman_ros.estimators.plan import parts
+from kalman_ros.estimators.plan import all_parts
 
 from .block import Block
 from .candidate import Candidate
@@ -67,7 +67,6 @@ class CompiledSteps:
         begun = np.cumsum(sensor < 0)
         dt = np.diff(np.maximum.accumulate(np.concatenate(([now], time)))) * 1e-9
         inputs = np.vstack((u, self._observations.input[row[sensor < 0]]))
-        lengths, which = np.unique(dt, return_inverse=True)
         means, covariances, readings = [], [], []
         for p, candidate in enumerate(self._candidates):
             data = OrderedData(
@@ -77,7 +76,7 @@ class CompiledSteps:
             steps = candidate.model.filter_pass(
                 (belief.mean[p], belief.covariance[p]),
                 data,
-                np.array([parts(candidate.model, length) for length in lengths.tolist()])[which],
+                all_parts(candidate.model, dt),
                 [candidate.sensors[name] for name in self._names],
                 [np.inf] * len(rows),
                 kept=False,

@@ -43,3 +43,54 @@ void filter_correct_many(real *v, long count, int index)
             for (int j = 0; j < width; j++)
                 v[j] = (real)NAN;
 }
+
+/* The readings of a sensor, one behind the other, and the results. */
+typedef struct {
+    const real *y, *R;
+    real limit; /* of the NIS */
+    real *innovation, *S, *nis;
+} readings_of_sensor;
+
+static int definite(const real *x, const real *P)
+{
+    real L[N * N];
+    return are_finite(x, N) && factored(P, N, 0, L);
+}
+
+/* Steps of length dt, in which an input acts, one of some, with a sensor that is read behind it, less
+ * than 0 for none, and its reading. Each begins at the belief after another one, -1 for the first
+ * belief, which x and P have at first. Behind that they receive the belief after each step. The
+ * number is returned of steps before a reading beyond its limit, or a belief that is not positive
+ * definite.
+ */
+long filter_first(loop_state *s, long length, const real *dt, const long *input, const real *inputs,
+                  const long *sensor, const long *start, const long *row,
+                  readings_of_sensor *readings, real *first_x, real *first_P)
+{
+    for (long at = 0; at < length; at++) {
+        real *x = first_x + (at + 1) * N, *P = first_P + (at + 1) * N * N;
+        memcpy(x, first_x + (start[at] + 1) * N, N * sizeof *x);
+        memcpy(P, first_P + (start[at] + 1) * N * N, N * N * sizeof *P);
+        for (int j = 0; j < M; j++)
+            s->input[j] = inputs[input[at] * M + j];
+        if (dt[at] > 0 && (!predicted(s, dt[at], x, P) || !definite(x, P)))
+            return at;
+        if (sensor[at] < 0)
+            continue;
+        readings_of_sensor *of = readings + sensor[at];
+        const int k = SENSOR[sensor[at]].size;
+        correction c;
+        const real *y = of->y + row[at] * k, *R = of->R + row[at] * k * k;
+        if (!corrected(x, P, SENSOR + sensor[at], y, R, &c) || !(c.nis <= of->limit))
+            return at;
+        if (!definite(c.x, c.P))
+            return at;
+        memcpy(x, c.x, sizeof c.x);
+        memcpy(P, c.P, sizeof c.P);
+        memcpy(of->innovation, c.innovation, (size_t)k * sizeof *x);
+        memcpy(of->S, c.S, (size_t)(k * k) * sizeof *x);
+        *of->nis++ = c.nis;
+        of->innovation += k, of->S += k * k;
+    }
+    return length;
+}

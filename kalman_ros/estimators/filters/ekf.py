@@ -7,12 +7,14 @@ section 10.3.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from kalman_ros.core import Array, Gaussian, unchecked
+from kalman_ros.core import Array, Gaussian, Sensor, unchecked
+from kalman_ros.core.ordered_data import FirstSteps, OrderedData
 from kalman_ros.estimators.diffuse import Diffuse
 from kalman_ros.estimators.filter import LinearUpdate, Prediction
-from kalman_ros.estimators.plan import parts
+from kalman_ros.estimators.plan import all_parts, parts
 from kalman_ros.linear.kernels import kernels
 
 
@@ -45,6 +47,19 @@ class ExtendedKalmanFilter(LinearUpdate):
             x, F_k, Q_k = model.linearized_step(x, u, dt / count)
             P, Q, F = k.sandwich(F_k, P, Q_k), k.sandwich(F_k, Q, Q_k), k.scaled(F_k, F)
         return Prediction(unchecked((x, P)), F, Q)
+
+    def first_steps(
+        self,
+        belief: Gaussian,
+        data: OrderedData,
+        sensors: Sequence[Sensor],
+        limits: Sequence[float],
+    ) -> FirstSteps | None:
+        """Return the steps before a reading beyond its limit; None where C has none."""
+        if not self.linearises_once:
+            return None
+        whole = all_parts(self.model, data.dt)
+        return self.model.first_steps(belief, data, whole, sensors, limits)
 
 
 FILTER = ExtendedKalmanFilter

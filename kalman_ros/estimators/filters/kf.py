@@ -3,9 +3,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from kalman_ros.core import Array, DiscreteLinearSystem, Gaussian, LinearSystem, unchecked
+import numpy as np
+
+from kalman_ros.core import Array, DiscreteLinearSystem, Gaussian, LinearSystem, Sensor, unchecked
+from kalman_ros.core.ordered_data import FirstSteps, OrderedData
 from kalman_ros.estimators.diffuse import Diffuse
 from kalman_ros.estimators.filter import LinearUpdate, Prediction
 from kalman_ros.estimators.plan import check_linear
@@ -42,6 +46,17 @@ class KalmanFilter(LinearUpdate):
             moved = belief.moved(self.predict(belief.finite, u, dt), F)
             return Prediction(moved, F, Q)
         return Prediction(self.predict(belief, u, dt), F, Q)
+
+    def first_steps(
+        self,
+        belief: Gaussian,
+        data: OrderedData,
+        sensors: Sequence[Sensor],
+        limits: Sequence[float],
+    ) -> FirstSteps | None:
+        """Return the steps before a reading beyond its limit; None where C has none."""
+        once = np.ones(len(data.dt), dtype=int)
+        return self.model.first_steps(belief, data, once, sensors, limits)
 
 
 FILTER = KalmanFilter

@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Many arrivals at once: those of a recording, which are known before they are processed."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from kalman_ros.core import Array, Gaussian, Sensor, unchecked
+from kalman_ros.core.ordered_data import FirstSteps, OrderedData
+
+from . import agreement
+from .filter import Correction, Filter
+from .outcome import Outcome
+from .timeline import Item, State
+
+#: Most steps for each arrival, on average: one that is late repeats those behind it.
+_STEPS = 8
+
+
+class Arrivals(NamedTuple):
+    """Readings and inputs in the order in which they were received.
+
+    Parameters
+    ----------
+    time, now
+        Stamps and times of arrival (S,), in nanoseconds.
+    source
+        Index of the sensor (S,); the number of sensors for an input.
+    row
+        Index of the reading among those of its sensor (S,), or of the input.
+    values
+        Readings (N, k) of each sensor, and behind these the inputs (N, m).
+    covariances
+        Covariances (N, k, k) of the readings of each sensor.
+    """
+
+    time: Any
+    now: Any
+    source: Any
+    row: Any
+    values: Sequence[Array]
+    covariances: Sequence[Array]
+
+    def some(self, which: slice) -> Arrivals:
+        """Return some of the arrivals, one behind the other."""
+        time, now, source, row = (column[which] for column in self[:4])
+        return Arrivals(time, now, source, row, self.values, self.covariances)
+
+    def usable(self, ahead: float) -> int:
+        """Return how many lead that are finite, and not stamped ``ahead`` ns beyond arrival."""
+        bad: Any = self.time - self.now > ahead
+        for index, values in enumerate(self.values):
+            read = np.flatnonzero(self.source == index)
+            bad[read] |= ~np.isfinite(values[self.row[read]]).all(axis=1)
+        return int(np.argmax(np.append(bad, True)))
+
+
+class Schedule:
+    """The steps of a filter through arrivals in the order of receipt.
+
+    Of an arrival that is late, the step is from the belief before it, and those of the arrivals
+    behind it follow once more, as an `OnlineEstimator` does.
+
+    Parameters
+    ----------
+    arrivals
+        Arrivals, all of which are `usable`.
+    last
+        Stamp and source of the newest item before them.
+    window, longest
+        How late an arrival may be, and the longest gap between two, 0 for any, in nanoseconds.
+    """
+
+    def __init__(
+        self, arrivals: Arrivals, last: tuple[int, int], window: int, longest: int
+    ) -> None:
+        self.arrivals, self._begin = arrivals, last[0]
+        #: Of each step the one behind which it begins, -1 for none; its length in ns; the input
+        #: that acts, 0 for that before; and the arrival.
+        self._start: list[int] = []
+        self._length: list[int] = []
+        self._input: list[int] = []
+        self._arrival: list[int] = []
+        #: Of each arrival, the first and the last step, and the newest stamp behind it.
+        self.first: Any = []
+        self.last: Any = []
+        self.newest: Any = []
+        self._fill(last, window, longest)
+        self.first, self.last = np.array(self.first, dtype=int), np.array(self.last, dtype=int)
+        self.newest = np.array(self.newest, dtype=np.int64)
+        self._arrival_of = np.array(self._arrival, dtype=int)
+        self._sources = arrivals.source[self._arrival_of]
+        #: Of each step its place among those of its source.
+        self._rank = np.zeros(len(self._sources), dtype=int)
+        for index in range(len(arrivals.values)):
+            of_source = self._sources == index
+            self._rank[of_source] = np.arange(np.count_nonzero(of_source))
+
+    def _fill(self, last: tuple[int, int], window: int, longest: int) -> None:
+        times, sources = self.arrivals.time.tolist(), self.arrivals.source.tolist()
+        rows, acts = self.arrivals.row.tolist(), len(self.arrivals.covariances)
+        keys = [last]
+        #: Of each key the arrival, the step, and the input that acts from there on.
+        items = [(-1, -1, 0)]
+        most = _STEPS * len(times)
+        start, length, input, arrival = self._start, self._length, self._input, self._arrival
+        for index, key in enumerate(zip(times, sources)):
+            place, begun = len(keys), len(start)
+            if key <= keys[-1]:
+                place = bisect_left(keys, key)
+                if key[0] < keys[-1][0] - window or not place or keys[place] == key:
+                    break
+            keys.insert(place, key)
+            items.insert(place, (index, -1, 0))
+            _, before, acting = items[place - 1]
+            for at in range(place, len(keys)):
+                which = items[at][0]
+                gap = keys[at][0] - keys[at - 1][0]
+                step = len(start)
+                start.append(before)
+                length.append(gap)
+                input.append(acting)
+                arrival.append(which)
+                if keys[at][1] == acts:
+                    acting = rows[which] + 1
+                items[at] = which, step, acting
+                before = step
+            if (longest and max(length[begun:]) > longest) or len(start) > most:
+                del start[begun:], length[begun:], input[begun:], arrival[begun:]
+                break
+            self.first.append(begun)
+            self.last.append(before)
+            self.newest.append(keys[-1][0])
+
+    def data(self, u: Array) -> OrderedData:
+        """Return the data of the steps, where ``u`` (m,) acts at first."""
+        arrivals, of, source = self.arrivals, self._arrival_of, self._sources
+        return OrderedData(
+            arrivals.time[of] * 1e-9,
+            1e-9 * np.array(self._length, dtype=float),
+            np.vstack((u, arrivals.values[-1])),
+            np.array(self._input, dtype=int),
+            np.where(source == len(arrivals.covariances), -1, source),
+            arrivals.row[of],
+            arrivals.values[:-1],
+            arrivals.covariances,
+            np.array(self._start, dtype=int),
+        )
+
+    def taken(self, steps: FirstSteps) -> Taken:
+        """Return what became of the arrivals all steps of which were made."""
+        count = int(np.searchsorted(self.last, len(steps.mean)))
+        first, last = self.first[:count], self.last[:count]
+        source = self.arrivals.source[:count]
+        read = [self._rank[first[source == index]] for index in range(len(steps.nis))]
+        return Taken(
+            self.newest[:count],
+            steps.mean[last],
+            steps.covariance[last],
+            *(
+                [values[at] for values, at in zip(column, read)]
+                for column in (steps.innovation, steps.S, steps.nis)
+            ),
+        )
+
+    def items(
+        self,
+        count: int,
+        steps: FirstSteps,
+        window: int,
+        head: State,
+        filter: Filter,
+        sensors: Sequence[Sensor],
+    ) -> Iterator[Item]:
+        """Yield the items within a window after ``count`` arrivals, and the one before these.
+
+        Parameters
+        ----------
+        count
+            Number of arrivals.
+        steps
+            Beliefs after the steps, and the innovations.
+        window
+            Length of the window in nanoseconds.
+        head
+            State before all arrivals.
+        filter, sensors
+            Filter, and the sensors in their order.
+        """
+        arrivals = self.arrivals.some(slice(count))
+        acts, made = len(arrivals.covariances), int(self.last[count - 1]) + 1
+        order = np.lexsort((arrivals.source, arrivals.time))
+        final = np.zeros(count, dtype=int)
+        final[self._arrival_of[:made]] = np.arange(made)
+        newest = arrivals.time[order[-1]]
+        begin = max(int(np.searchsorted(arrivals.time[order], newest - window)) - 1, 0)
+        records = _records(arrivals, order[:begin], head.records)
+        inputs = np.array(self._input, dtype=int)
+        for at in order[begin:].tolist():
+            step, time, source = int(final[at]), int(arrivals.time[at]), int(arrivals.source[at])
+            belief = unchecked((steps.mean[step].copy(), steps.covariance[step].copy()))
+            value, acting = arrivals.values[source][arrivals.row[at]], inputs[step]
+            u = arrivals.values[-1][acting - 1] if acting else head.u
+            if source == acts:
+                item, u = Item((time, source, time), value, None, filter), value
+            else:
+                sensor, R = sensors[source], arrivals.covariances[source][arrivals.row[at]]
+                if not np.array_equal(R, sensor.covariance):
+                    sensor = sensor.with_covariance(R)
+                item = Item((time, source, time), value, sensor, filter)
+                item.outcome = Outcome.FUSED
+                item.correction = _correction(belief, steps, source, int(self._rank[step]))
+                record = records[source].after(time, True)._replace(noise=1.0)
+                records = agreement.replaced(records, source, record)
+            item.after = State(time, belief, u, records, head.repairs)
+            yield item
+
+
+class Taken(NamedTuple):
+    """What became of the first of many arrivals, all of which were fused.
+
+    Parameters
+    ----------
+    time, mean, covariance
+        Newest stamp (S,) in nanoseconds after each arrival, and the belief then.
+    innovation, S, nis
+        Innovations (N, k) of the readings of each sensor, their covariances (N, k, k), and their
+        normalised squares (N,).
+    """
+
+    time: Any
+    mean: Array
+    covariance: Array
+    innovation: Sequence[Array]
+    S: Sequence[Array]
+    nis: Sequence[Array]
+
+
+def _records(arrivals: Arrivals, which: Any, records: agreement.Records) -> agreement.Records:
+    """Return the records after some arrivals in the order of their stamps, which agree."""
+    time, source = arrivals.time[which], arrivals.source[which]
+    after = []
+    for index, record in enumerate(records):
+        stamps = time[source == index][-2:].tolist()
+        for stamp in stamps:
+            record = record.after(stamp, True)
+        after.append(record._replace(noise=1.0) if stamps else record)
+    return tuple(after)
+
+
+def _correction(belief: Gaussian, steps: FirstSteps, source: int, rank: int) -> Correction:
+    nis = float(steps.nis[source][rank])
+    return Correction(belief, steps.innovation[source][rank], steps.S[source][rank], nis=nis)

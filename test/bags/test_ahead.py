@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages that are taken together give the replay of messages taken one by one."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import Imu, JointState
+from tools.strangers.injected.bag import write_bag
+from tools.strangers.injected.recordings import Injection
+
+from kalman_ros.bags.feed import Feed
+from kalman_ros.bags.replay import replay
+from kalman_ros.codecs.messages import write_stamp
+from kalman_ros.codecs.signal_codecs import codec_of
+from kalman_ros.codecs.wire import WireReader
+from kalman_ros.compiled import is_available
+from kalman_ros.core import Signal
+
+GATED = {'joint_states.gate': 0.99, 'gate_recover_after': 5}
+OUTLYING = Injection({'joint_states': {'outliers': 0.02, 'nan': 0.01, 'reordering': 0.01}})
+#: Scenario, parameters over its file, faults, and the least share that is taken together, which is
+#: small where sensors have the same stamps and come in any order.
+CASES = [
+    ('cart_pole', {}, Injection(), 0.9),
+    ('cart_pole', GATED, OUTLYING, 0.5),
+    ('cart_pole', {'filter': 'iterated_ekf'}, Injection(), 0.0),
+    ('cart_pole', {'arithmetic': 'c', 'filter': 'ukf'}, Injection(), 0.9),
+    ('diff_drive', {'imu.bias_std': [0.1]}, Injection({'imu': {'dropout': 0.1}}), 0.0),
+    ('gnss_imu', {'arithmetic': 'c'}, Injection({'gnss': {'delay': 0.1}}), 0.5),
+    ('gnss_imu', {'imu.covariance_from': 'message'}, Injection(), 0.9),
+    ('robot_3d', {}, Injection(), 0.0),
+    ('mass_spring_damper_2d', {'arithmetic': 'c', 'filter': 'kf'}, Injection(), 0.3),
+]
+
+
+def both(bag, scenario, values, monkeypatch):
+    """Return the replay of messages together, one by one, and the share that was together."""
+    monkeypatch.setenv('KALMAN_ROS_ARITHMETIC', 'compiled')
+    taken, first = [], Feed._take_first
+    with monkeypatch.context() as patch:
+        patch.setattr(Feed, '_take_first', lambda feed, *given: taken.append(first(feed, *given))
+                      or taken[-1])  # fmt: skip
+        together = replay(bag, scenario, values)
+    with monkeypatch.context() as patch:
+        patch.setattr(Feed, 'take', lambda feed, messages: [feed(each) for each in messages])
+        alone = replay(bag, scenario, values)
+    messages = sum(len(sensor.nis) for sensor in alone.sensors.values())
+    return together, alone, sum(taken) / (messages + len(alone.inputs.received))
+
+
+def assert_same(one, other):
+    for record, again in [
+        (one.beliefs, other.beliefs), (one.inputs, other.inputs),
+        *((sensor, other.sensors[name]) for name, sensor in one.sensors.items()),
+    ]:  # fmt: skip
+        assert [*vars(record)] == [*vars(again)]
+        for name, value in vars(record).items():
+            if isinstance(value, np.ndarray):
+                np.testing.assert_array_equal(value, getattr(again, name), err_msg=name)
+            else:
+                assert value == getattr(again, name), name
+    for name in ('restarts', 'repairs', 'duration', 'notes', 'arithmetic', 'biases'):
+        assert str(getattr(one, name)) == str(getattr(other, name)), name
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not is_available(), reason='CasADi is not installed')
+@pytest.mark.parametrize(('scenario', 'values', 'faults', 'least'), CASES)
+def test_together_is_as_one_by_one(scenario, values, faults, least, tmp_path, monkeypatch):
+    write_bag(tmp_path / 'bag', scenario, faults, 8.0, 5)
+    together, alone, share = both(tmp_path / 'bag', scenario, values, monkeypatch)
+    assert_same(together, alone)
+    assert share >= least
+
+
+def test_without_c_all_are_taken_one_by_one(tmp_path, monkeypatch):
+    write_bag(tmp_path / 'bag', 'mass_spring_damper', Injection(), 5.0, 5)
+    together, alone, share = both(tmp_path / 'bag', 'mass_spring_damper', {}, monkeypatch)
+    assert_same(together, alone)
+    assert share == 0.0
+
+
+# --- decoding ---------------------------------------------------------------------------------
+
+YAW_RATE = Signal('imu', 'sensor_msgs/Imu', ('angular_velocity.z',))
+PLACE = Signal('odom', 'nav_msgs/Odometry', ('pose.pose.position.x', 'pose.pose.position.y'))
+
+
+def imus(rng, count, covariance=0.01):
+    for k in range(count):
+        message = Imu()
+        write_stamp(message.header.stamp, 10**18 + k)
+        message.header.frame_id = 'base_link'
+        message.angular_velocity.z = rng.normal()
+        message.angular_velocity_covariance[8] = covariance * (1 + k // 3)
+        yield message
+
+
+def places(rng, count):
+    for k in range(count):
+        message = Odometry()
+        write_stamp(message.header.stamp, 7 * k)
+        message.pose.pose.position.x, message.pose.pose.position.y = rng.normal(size=2)
+        message.pose.covariance[[0, 7]] = 0.5, np.nan if k == 4 else 0.5
+        yield message
+
+
+@pytest.mark.parametrize(
+    ('signal', 'messages'),
+    [
+        (YAW_RATE, imus(np.random.default_rng(0), 20)),
+        (PLACE, places(np.random.default_rng(1), 20)),
+    ],
+)
+def test_messages_decoded_together_are_those_decoded_one_by_one(signal, messages):
+    data = [bytes(serialize_message(message)) for message in messages]
+    many = WireReader(codec_of(signal)).read_all(data)
+    assert many is not None
+    read = WireReader(codec_of(signal))
+    for k, one in enumerate(map(read, data)):
+        assert many.time[k] == one.time
+        np.testing.assert_array_equal(many.values[k], one.values)
+        np.testing.assert_array_equal(many.covariances[many.which[k]], one.covariance)
+
+
+def test_messages_without_a_stamp_have_none():
+    signal = Signal('cmd_vel', 'geometry_msgs/Twist', ('linear.x', 'angular.z'))
+    message = Twist()
+    message.linear.x, message.angular.z = 1.0, 2.0
+    many = WireReader(codec_of(signal)).read_all([bytes(serialize_message(message))] * 3)
+    assert (many.time, many.values.tolist(), list(many.covariances)) == (None, [[1, 2]] * 3, [])
+
+
+@pytest.mark.parametrize(
+    'change',
+    [
+        lambda data: data[:-1],
+        lambda data: b'\0\0' + data[2:],
+        lambda data: data.replace(b'base_link', b'base_sink'),
+        lambda data: bytes(serialize_message(JointState())),
+    ],
+)
+def test_a_message_of_another_layout_is_not_decoded_with_others(change):
+    data = [bytes(serialize_message(each)) for each in imus(np.random.default_rng(0), 5)]
+    read = WireReader(codec_of(YAW_RATE))
+    assert len(read.read_all(data).values) == 5
+    assert read.read_all([*data[:4], change(data[4])]) is None
+
+
+def test_a_message_that_declares_absence_is_not_decoded_with_others():
+    data = [bytes(serialize_message(each)) for each in imus(np.random.default_rng(0), 5)]
+    absent = next(imus(np.random.default_rng(0), 1))
+    absent.angular_velocity_covariance[0] = -1.0
+    read = WireReader(codec_of(YAW_RATE))
+    assert read.read_all(data) is not None
+    assert read.read_all([*data, bytes(serialize_message(absent))]) is None
