@@ -62,7 +62,7 @@ def _imported(folder: str) -> RecordingSet:
 
 _OTHERS = (
     'second', 'third', 'fourth', 'fifth', 'sixth', 'seventh', 'eighth', 'ninth',
-    'tenth', 'eleventh', 'twelfth', 'real',
+    'tenth', 'eleventh', 'twelfth', 'thirteenth', 'real',
 )  # fmt: skip
 SETS = {'first': _imported(''), **{name: _imported(f'.{name}') for name in _OTHERS}}
 #: The recordings of all sets.

@@ -26,7 +26,7 @@ SIZES = {
     'first': (13, 60), 'second': (21, 100), 'third': (14, 60), 'fourth': (12, 60),
     'fifth': (12, 70), 'sixth': (13, 70), 'seventh': (12, 58), 'eighth': (12, 58),
     'ninth': (12, 78), 'tenth': (12, 78), 'eleventh': (12, 78),
-    'twelfth': (12, 78), 'real': (6, 50),
+    'twelfth': (12, 78), 'thirteenth': (12, 78), 'real': (6, 50),
 }  # fmt: skip
 _BODIES = {each.name for each in (*MUJOCO, *OTHERS, *LAST)}
 #: All systems; one whose import starts a process is slow.
@@ -45,7 +45,7 @@ WHOLE = mostly_thorough(
 #: beside chance.
 OBEDIENT = {
     'sixth': 0.03, 'seventh': 0.05, 'eighth': 0.035, 'ninth': 0.05, 'tenth': 0.05,
-    'eleventh': 0.05, 'twelfth': 0.05,
+    'eleventh': 0.05, 'twelfth': 0.05, 'thirteenth': 0.05,
 }  # fmt: skip
 #: Of these systems, those that are tested always.
 OFTEN = {'canal', 'cyclist'}
