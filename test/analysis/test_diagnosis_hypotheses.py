@@ -12,13 +12,13 @@ from tools.strangers.injected.recordings import Injection, recorded
 
 from kalman_ros.analysis.diagnosis import common_noise, leftover, saturation, stretch
 from kalman_ros.analysis.diagnosis.bias import without_declared
-from kalman_ros.analysis.diagnosis.diagnose import _rank, diagnose
+from kalman_ros.analysis.diagnosis.diagnose import _rank, diagnose, divided
 from kalman_ros.analysis.diagnosis.examination import Examination
 from kalman_ros.analysis.diagnosis.finding import Finding
 from kalman_ros.analysis.diagnosis.outliers import runs_of
 from kalman_ros.analysis.diagnosis.parameters import parameter, parameters
 from kalman_ros.analysis.diagnosis.passage import Passage
-from kalman_ros.analysis.diagnosis.trials import certainty, completeness
+from kalman_ros.analysis.diagnosis.trials import calibrated, certainty, completeness
 from kalman_ros.analysis.diagnosis.units import conversions
 from kalman_ros.core import Space
 
@@ -237,6 +237,17 @@ def test_the_certainty_of_a_cause_is_its_share_among_rivals():
     tied = 1.0 + np.exp(-1000.0 / 1502.0)
     assert certainty(1e4, [9e3, 5e3]) == pytest.approx(tied / (tied + np.exp(-5000.0 / 1502.0)))
     assert certainty(1e4, [1e3, 10.0]) > 0.99
+
+
+def test_the_certainty_of_a_first_finding_is_how_often_such_are_right():
+    # 12 times the root of the odds
+    assert [calibrated(share) for share in (0.0, 1.0)] == [0.0, 1.0]
+    assert calibrated(0.5) == pytest.approx(12.0 / 13.0)
+    assert calibrated(0.2) == pytest.approx(6.0 / 7.0)
+    causes = [Finding('bias', 'gyro', '', 5.0, certainty=0.5, most=most) for most in (1.0, 0.8)]
+    (first, second), _ = divided(causes)
+    assert (first.certainty, second.certainty) == (pytest.approx(12.0 / 13.0), 0.5)
+    assert divided(causes[1:])[0][0].certainty == 0.8
 
 
 def passed(size, count=1000):

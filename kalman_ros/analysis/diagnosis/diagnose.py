@@ -62,7 +62,7 @@ from .evidence import Evidence, improvement, misfit
 from .examination import CHANCE, Examination
 from .finding import Finding
 from .passage import explained
-from .trials import TIED, Trials, same
+from .trials import TIED, Trials, calibrated, same
 
 Detector = Callable[[Examination], Iterable[Finding]]
 
@@ -109,8 +109,8 @@ _OFFSETS = ('bias', 'drift', 'random walk')
 PROOF, _PROVEN, _LATEST, _MOVED = 20.0, 0.01, 100.0, 5.0
 #: A share of the misfit below this is little.
 _LITTLE = 0.05
-#: A cause of a smaller certainty is a note; a first one whose replay fits worse has no more than
-#: the second number.
+#: A cause with a smaller share of the explanation is a note; a first one whose replay fits worse
+#: is no more certain than the second number.
 _DOUBTFUL, _REFUTED = 0.01, 0.3
 
 
@@ -168,12 +168,11 @@ def diagnose(
     findings[first:] = noise_levels.restated(declared, findings[first:])
     notes += leftover.find(case)
     findings = noise_levels.withheld(case.evidence, findings, notes)
-    ranked = _rank(findings, slice(first, None))
+    sure, doubtful = divided(_rank(findings, slice(first, None)))
     if proofs:
         progress(f'proofs{_so_far(findings, first)}')
-        ranked = _doubted(tuple(_prove(evidence, finding) for finding in ranked))
-    sure, doubtful = divided(ranked)
-    return Diagnosis(tuple(sure), (*notes, *doubtful), before, case.passage.misfit)
+        sure = _doubted(tuple(_prove(evidence, finding) for finding in sure))
+    return Diagnosis(sure, (*notes, *doubtful), before, case.passage.misfit)
 
 
 def _so_far(findings: Sequence[Finding], first: int) -> str:
@@ -184,10 +183,13 @@ def _so_far(findings: Sequence[Finding], first: int) -> str:
     return f'; so far: {best.kind} of {best.subject}'
 
 
-def divided(findings: Sequence[Finding]) -> tuple[list[Finding], list[Finding]]:
-    """Return the findings, and as notes those of next to no certainty."""
+def divided(findings: Sequence[Finding]) -> tuple[tuple[Finding, ...], list[Finding]]:
+    """Return findings, the first one with a calibrated certainty, and as notes the doubtful."""
+    doubtful = [_as_note(finding) for finding in findings if finding.certainty < _DOUBTFUL]
     sure = [finding for finding in findings if finding.certainty >= _DOUBTFUL]
-    return sure, [_as_note(finding) for finding in findings if finding.certainty < _DOUBTFUL]
+    for first in sure[:1]:
+        sure[0] = replace(first, certainty=min(calibrated(first.certainty), first.most))
+    return tuple(sure), doubtful
 
 
 def _as_note(finding: Finding) -> Finding:

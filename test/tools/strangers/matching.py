@@ -121,8 +121,10 @@ def is_right(finding: Finding, recording: Recording) -> bool:
 
 def is_own(finding: Finding, recording: Recording) -> bool:
     """Return whether a finding names what a recording has wrong by itself, and not the fault."""
-    named = (is_meant(finding['kind'], finding['subject'], *own) for own in causes(recording.own))
-    return any(named) and not is_right(finding, recording)
+    others = [*causes(recording.own)]
+    said = [(finding['kind'], finding['subject']), *finding['same as']]
+    named = (is_meant(kind, subject, *own) for kind, subject in said for own in others)
+    return any(named) and not is_right(finding, recording) and not is_tied(finding, recording)
 
 
 def is_tied(finding: Finding, recording: Recording) -> bool:

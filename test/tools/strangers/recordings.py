@@ -93,9 +93,9 @@ class Recording:
         if self.kind == 'clean':
             return f'{self.kind} except {self.own}' if self.own else self.kind
         alike = f' (like {self.alike})' if self.alike else ''
-        number = f'{self.size:.4g}' if self.size else ''
-        size = f': {number} {self.unit}'.rstrip(' :')
-        return f'{self.kind} of {self.subject}{size}{alike}'
+        words = filter(None, (f'{self.size:.4g}' if self.size else '', self.unit))
+        size = ' '.join(words)
+        return f'{self.kind} of {self.subject}{size and ": "}{size}{alike}'
 
 
 # fmt: off

@@ -70,7 +70,8 @@ class Flow(Sensor):
         """Return the flow."""
         pressure, *volumes = (x[..., k] for k in self._indices)
         parts = zip(volumes, self._parts)
-        return _stack(sum((pressure - v / soft) / narrow for v, (narrow, soft) in parts))
+        flows = [(pressure - v / soft) / narrow for v, (narrow, soft) in parts]
+        return _stack(flows[0] + flows[1])
 
 
 class ColdStore(Model):

@@ -148,12 +148,12 @@ def hullbot(rng: np.random.Generator, physics: Physics) -> Readings:
     place = rng.normal([2.0, 6.0, 4.0], 0.03) + np.vstack(
         (np.zeros(3), np.cumsum(0.5 * step * (moved[1:] + moved[:-1]), axis=0))
     )
-    (a, b, c, d), down = np.array(turns).T, np.array(sensed)
+    a, b, c, d = np.array(turns).T
     roll = np.arctan2(2.0 * (a * b + c * d), 1.0 - 2.0 * (b * b + c * c))
     pitch = np.arcsin(2.0 * (a * c - d * b))
     arm = np.array([rotated(q, prism) for q in turns])
     states = np.column_stack((place + arm, speeds, roll, pitch))
-    imu = _averaged(down)
+    imu = _averaged(np.array(sensed))
     walk = rng.standard_normal(imu.shape) * np.sqrt(0.01 * np.repeat([1e-9, 1e-7], 3))
     walk[0] = rng.normal(0.0, np.repeat([0.005, 0.05], 3))
     truth = Track(time, states, time[:-4:4], imu + np.cumsum(walk, axis=0))
