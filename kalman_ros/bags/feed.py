@@ -11,7 +11,10 @@ from kalman_ros.codecs.messages import decode as decoded
 from kalman_ros.codecs.wire import learn_layouts
 from kalman_ros.core import Gaussian, unchecked
 from kalman_ros.core.named_options import nearest
+from kalman_ros.estimators.arrivals import Arrivals, Taken
 from kalman_ros.estimators.diffuse import Diffuse
+from kalman_ros.estimators.filter import Correction
+from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.pipeline.frames import STATIC, TF, Frames
 from kalman_ros.pipeline.fuser import Fused, Fuser, Received
 from kalman_ros.pipeline.fusion import fusion
@@ -213,7 +216,7 @@ class Feed:
     def take(self, messages: Sequence[Message]) -> None:
         """Take the next messages; those that need no decision at once."""
         one_by_one = self.lockstep or self._period or self._simulated
-        if one_by_one or self.recording is not None:
+        if one_by_one or not self.online.takes_many:
             for message in messages:
                 self(message)
             return
@@ -262,8 +265,28 @@ class Feed:
         belief = unchecked((taken.mean[~acts], taken.covariance[~acts]))
         belief = self.settings.scenario.believed.own(belief)
         self.beliefs.extend((taken.time[~acts] - self.start) * 1e-9, *belief)
+        if self.recording is not None:
+            self._record(self.recording, arrivals.some(slice(count)), taken, belief)
         self._received = self._now = int(now[-1])
         return count
+
+    def _record(
+        self, recording: EstimateRecording, arrivals: Arrivals, taken: Taken, belief: Gaussian
+    ) -> None:
+        """Record what was published after each of some readings."""
+        channels = [self.fuser.channels[name] for name in self._topics_ahead]
+        read = [0] * len(channels)
+        rows = zip(arrivals.source.tolist(), arrivals.time.tolist(), arrivals.now.tolist())
+        readings = (row for row in zip(rows, taken.time.tolist()) if row[0][0] < len(channels))
+        for k, ((source, stamp, now), newest) in enumerate(readings):
+            mean, covariance = belief.mean[k], belief.covariance[k]
+            recording.publish(now, newest, unchecked((mean, covariance)))
+            at, read[source] = read[source], read[source] + 1
+            v, S = taken.innovation[source][at], taken.S[source][at]
+            correction = Correction(belief, v, S, nis=float(taken.nis[source][at]))
+            reading = Reading(stamp, v, None)
+            fused = Fused(channels[source], stamp, reading, Outcome.FUSED, correction)
+            recording.publish_innovation(now, fused)
 
     def undecodable(self, name: str) -> int:
         """Return the number of messages of a sensor that were dropped before their decoding."""

@@ -213,6 +213,8 @@ class NativeDynamics(Numbered, Dynamics):
         """Return the matrices of an extended filter that processes data in order."""
         return run(self, belief, data, parts, sensors, limits, kept, MOST_READ)
 
+    has_first_steps = True
+
     def first_steps(
         self,
         belief: tuple[Array, Array],

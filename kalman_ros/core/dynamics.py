@@ -174,6 +174,11 @@ class Dynamics(ABC):
         """
         return None
 
+    @property
+    def has_first_steps(self) -> bool:
+        """Whether it has `first_steps`."""
+        return False
+
     def first_steps(
         self,
         belief: tuple[Array, Array],

@@ -103,6 +103,8 @@ class FilterInC(Filter):
         S = v[whole + k : -1].reshape(k, k)
         return Correction(self._belief(v), v[whole : whole + k], S, nis=float(v[-1]))
 
+    has_first_steps = True
+
     def first_steps(
         self,
         belief: Gaussian,

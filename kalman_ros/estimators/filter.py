@@ -184,6 +184,11 @@ class Filter(ABC):
             If the innovation covariance is not positive definite.
         """
 
+    @property
+    def has_first_steps(self) -> bool:
+        """Whether it has `first_steps`, for most readings."""
+        return False
+
     def first_steps(
         self,
         belief: Gaussian,

@@ -200,6 +200,12 @@ class OnlineEstimator:
         self._settle()
         return [result.fate if isinstance(result, Item) else (result, None) for result in results]
 
+    @property
+    def takes_many(self) -> bool:
+        """Whether `add_first` may ever add more than none."""
+        decides = self._policy.from_rest or self._policy.adaptive or self._period
+        return not decides and self.on_final is len and self._filter.has_first_steps
+
     def add_first(self, arrivals: Arrivals) -> Taken | None:
         """Add those of many arrivals that need no decision at once, as `add` one after the other.
 
@@ -207,12 +213,11 @@ class OnlineEstimator:
         covariance to repair. Returns what became of them; None if there are too few, or if the
         filter does not compute their steps at once.
         """
-        head, policy, last = self._timeline.head, self._policy, self._timeline.last
-        if last is None or head.u is None or isinstance(head.belief, Diffuse) or self._period:
+        head, last = self._timeline.head, self._timeline.last
+        if last is None or head.u is None or isinstance(head.belief, Diffuse):
             return None
-        if policy.from_rest or policy.adaptive or self.on_final is not len:
-            return None
-        arrivals = arrivals.some(slice(arrivals.usable(policy.future_tolerance * 1e9)))
+        ahead = self._policy.future_tolerance * 1e9
+        arrivals = arrivals.some(slice(arrivals.usable(ahead) if self.takes_many else 0))
         if len(arrivals.time) < _TOGETHER:
             return None
         schedule = Schedule(arrivals, last, self._window, self._max_gap)

@@ -14,6 +14,7 @@ from tools.strangers.injected.bag import write_bag
 from tools.strangers.injected.recordings import Injection
 
 from kalman_ros.bags.feed import Feed
+from kalman_ros.bags.reading import Bag
 from kalman_ros.bags.replay import replay
 from kalman_ros.codecs.messages import write_stamp
 from kalman_ros.codecs.signal_codecs import codec_of
@@ -76,6 +77,19 @@ def test_together_is_as_one_by_one(scenario, values, faults, least, tmp_path, mo
     together, alone, share = both(tmp_path / 'bag', scenario, values, monkeypatch)
     assert_same(together, alone)
     assert share >= least
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not is_available(), reason='CasADi is not installed')
+def test_the_recording_of_what_is_published_is_the_same(tmp_path, monkeypatch):
+    write_bag(tmp_path / 'bag', 'cart_pole', OUTLYING, 5.0, 5)
+    monkeypatch.setenv('KALMAN_ROS_ARITHMETIC', 'compiled')
+    replay(tmp_path / 'bag', 'cart_pole', GATED, out=tmp_path / 'together')
+    monkeypatch.setattr(Feed, 'take', lambda feed, messages: [feed(one) for one in messages])
+    replay(tmp_path / 'bag', 'cart_pole', GATED, out=tmp_path / 'alone')
+    one, other = (Bag(tmp_path / folder) for folder in ('together', 'alone'))
+    assert len(one.topics) >= 4
+    assert [*one.messages(one.topics)] == [*other.messages(other.topics)]
 
 
 def test_without_c_all_are_taken_one_by_one(tmp_path, monkeypatch):

@@ -28,6 +28,8 @@ GATES = {'position': 9.0, 'velocity': 9.0}
 class StepByStep(ExtendedKalmanFilter):
     """An extended filter whose first steps are its predictions and corrections."""
 
+    has_first_steps = True
+
     def first_steps(self, belief, data, sensors, limits):
         means, covariances, first = [], [], belief
         results = [([], [], []) for _ in sensors]

@@ -48,6 +48,11 @@ class ExtendedKalmanFilter(LinearUpdate):
             P, Q, F = k.sandwich(F_k, P, Q_k), k.sandwich(F_k, Q, Q_k), k.scaled(F_k, F)
         return Prediction(unchecked((x, P)), F, Q)
 
+    @property
+    def has_first_steps(self) -> bool:
+        """Whether C computes them for the model."""
+        return self.linearises_once and self.model.has_first_steps
+
     def first_steps(
         self,
         belief: Gaussian,
@@ -56,8 +61,6 @@ class ExtendedKalmanFilter(LinearUpdate):
         limits: Sequence[float],
     ) -> FirstSteps | None:
         """Return the steps before a reading beyond its limit; None where C has none."""
-        if not self.linearises_once:
-            return None
         whole = all_parts(self.model, data.dt)
         return self.model.first_steps(belief, data, whole, sensors, limits)
 

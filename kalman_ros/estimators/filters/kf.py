@@ -47,6 +47,11 @@ class KalmanFilter(LinearUpdate):
             return Prediction(moved, F, Q)
         return Prediction(self.predict(belief, u, dt), F, Q)
 
+    @property
+    def has_first_steps(self) -> bool:
+        """Whether C computes them for the model."""
+        return self.model.has_first_steps
+
     def first_steps(
         self,
         belief: Gaussian,

@@ -23,11 +23,13 @@ from kalman_ros.core import Array, LinearSystem, Signal
 
 from .benchmark import Benchmark
 
-#: States, readings of one message, filter, rate in Hz, how many times faster than real time it
-#: has to be, and the seconds of the recording.
+#: States, readings of one message, filter, its arithmetic, rate in Hz, how many times faster than
+#: real time it has to be, and the seconds of the recording.
 _CASES = (
-    ('replay, kf, 4 states at 100 Hz / its time', 4, 2, 'kf', 100.0, 200.0, 60.0),
-    ('replay, ukf, 15 states at 200 Hz / its time', 15, 6, 'ukf', 200.0, 30.0, 20.0),
+    ('replay, kf, 4 states at 100 Hz / its time', 4, 2, 'kf', 'compiled', 100.0, 200.0, 60.0),
+    ('replay, ukf, 15 states at 200 Hz / its time', 15, 6, 'ukf', 'compiled', 200.0, 30.0, 20.0),
+    ('replay in C, ekf, 15 states at 200 Hz / its time', 15, 6, 'ekf', 'c', 200.0, 300.0, 60.0),
+    ('replay in C, ukf, 15 states at 200 Hz / its time', 15, 6, 'ukf', 'c', 200.0, 300.0, 60.0),
 )
 #: When the recordings begin, in nanoseconds.
 _START = 1_700_000_000_000_000_000
@@ -38,8 +40,8 @@ def benchmarks() -> Iterator[list[Benchmark]]:
     """Give one benchmark a filter and size."""
     with tempfile.TemporaryDirectory(prefix='kalman_ros_') as folder:
         found = []
-        for index, (name, n, k, filter, rate, times, seconds) in enumerate(_CASES):
-            values = parameters(n, k, filter, rate)
+        for index, (name, n, k, filter, arithmetic, rate, times, seconds) in enumerate(_CASES):
+            values = {**parameters(n, k, filter, rate), 'arithmetic': arithmetic}
             path = Path(folder) / str(index)
             record(path, values, seconds)
             ours = partial(_share, path, values, seconds)
