@@ -45,8 +45,10 @@ TICK_TYPE, CLOCK_TYPE = 'sensor_msgs/msg/TimeReference', 'rosgraph_msgs/msg/Cloc
 _BACK = 100_000_000
 #: Most messages that are taken one by one before it is tried again to take many.
 _LONGEST_PAUSE = 64
-#: Fewest messages that are tried to be taken together.
-_FEWEST = 64
+#: Fewest messages that are tried to be taken together, and that are worth the trial.
+_FEWEST, _WORTH_IT = 64, 16
+#: Times of receipt that whole numbers of 8 bytes can hold, with a year to add.
+_LATEST = 2**63 - 2**55
 
 
 class Feed:
@@ -216,7 +218,8 @@ class Feed:
     def take(self, messages: Sequence[Message]) -> None:
         """Take the next messages; those that need no decision at once."""
         one_by_one = self.lockstep or self._period or self._simulated
-        if one_by_one or not self.online.takes_many:
+        beyond = any(message.time > _LATEST for message in messages)
+        if one_by_one or beyond or not self.online.takes_many:
             for message in messages:
                 self(message)
             return
@@ -225,9 +228,10 @@ class Feed:
         )
         at = wait = pause = 0
         while at < len(messages):
-            taken = 0 if wait else self._take_first(ahead, at)
-            if taken:
-                at, pause = at + taken, 0
+            if not wait:
+                taken = self._take_first(ahead, at)
+                pause = 0 if taken >= _WORTH_IT else min(2 * pause + 1, _LONGEST_PAUSE)
+                at, wait = at + taken, pause
                 continue
             reading, message = ahead.known.get(at), messages[at]
             if reading is None:
@@ -235,8 +239,6 @@ class Feed:
             else:
                 self._received = self._now = message.time
                 self._fuse(ahead.name(message.topic), reading)
-            if not wait:
-                pause = wait = min(2 * pause + 1, _LONGEST_PAUSE)
             at, wait = at + 1, wait - 1
 
     def _take_first(self, ahead: Ahead, at: int) -> int:

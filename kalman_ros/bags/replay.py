@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from itertools import chain, islice, repeat
+from itertools import chain, repeat
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -36,6 +36,8 @@ from .steps import Steps
 #: Number of messages that are taken together, at first and then, with a report of the progress,
 #: and of the numbers of their covariances.
 _FIRST, _FEWEST, _MOST, _NUMBERS = 20, 500, 4000, 1_000_000
+#: Most bytes of these messages.
+_BYTES = 16_000_000
 #: Note on a comparison of estimates that are not those at the readings.
 _AT_TICKS = (
     'Estimates are those of publish_rate, which lack the reading of the same instant: '
@@ -229,8 +231,7 @@ def _pass_messages(
     # few at first, after which the layout of each message is known
     many = _NUMBERS // feed.settings.scenario.model.state.size**2
     sizes = chain([_FIRST], repeat(min(max(many, _FEWEST), _MOST)))
-    left = iter(messages)
-    while block := list(islice(left, next(sizes))):
+    for block in _blocks(messages, sizes):
         count += len(block)
         received = block[-1].time
         if feed.start is None:
@@ -250,6 +251,20 @@ def _pass_messages(
             f'{_out_of_step(feed)}'
         )
     return received
+
+
+def _blocks(messages: Iterable[Message], sizes: Iterator[int]) -> Iterator[list[Message]]:
+    """Yield messages together, of some numbers, and of some bytes at most."""
+    block: list[Message] = []
+    size, most = 0, next(sizes)
+    for message in messages:
+        block.append(message)
+        size += len(message.data)
+        if len(block) >= most or size > _BYTES:
+            yield block
+            block, size, most = [], 0, next(sizes)
+    if block:
+        yield block
 
 
 def _truth_reader(settings: Settings, bag: Bag, topic: str) -> _TruthReader | PoseReader:

@@ -153,7 +153,7 @@ class _Template:
         time = stamps_of(table) if layout.stamped else None
         if self._covariance is None:
             return Samples(time, numbers[:, layout.values], (), np.zeros(len(table), dtype=int))
-        given = numbers[:, self._covariance.places.ravel()]
+        given = numbers[:, self._covariance.places.ravel()].view(np.int64)
         differs = np.concatenate(([True], (given[1:] != given[:-1]).any(axis=1)))
         matrices = [self._covariance.matrix(numbers[at]) for at in np.flatnonzero(differs)]
         return Samples(time, numbers[:, layout.values], matrices, np.cumsum(differs) - 1)

@@ -163,7 +163,7 @@ class _Pass:
         for structure, sensor, y, R, limit, count in zip(
             structures, sensors, data.readings, data.covariances, limits, counts
         ):
-            if y.shape[1] > most_read:
+            if y.shape[1] > most_read or (beliefs and not _exact(sensor, n)):
                 raise _NotInCError
             self.readings.append(_fill(structure, memory, sensor, y, R, n, count, kept))
             structure.limit = limit
@@ -232,6 +232,19 @@ def _fill(
     for name, values in matrices._asdict().items():
         setattr(structure, name, values.ctypes.data)
     return matrices
+
+
+def _exact(sensor: Any, n: int) -> bool:
+    """Return whether C reads a sensor to the bit as it is read one by one.
+
+    Sums of products are rounded in another order there, unless there are two whole states at most.
+    """
+    if getattr(sensor, '_c_sets', 0) == 1:
+        return True
+    rest = np.zeros(n)
+    H = sensor.jacobian(rest)
+    count, whole = np.count_nonzero(H, axis=1), np.isin(H, (-1.0, 0.0, 1.0)).all(axis=1)
+    return bool(((count <= 1) | (whole & (count <= 2))).all()) and not sensor.measure(rest).any()
 
 
 def _functions(sensor: Any, n: int) -> tuple[int, int, Any] | None:

@@ -204,7 +204,8 @@ INLINE int fused(const struct sequence *s, struct sensor *of)
     return 1;
 }
 
-/* Keeps the belief after an instant, where that is wanted; 0 if it is not positive definite. */
+/* Keeps the belief after an instant, where that is wanted; 0 if it is hardly positive definite, or
+ * so large that its square is not finite, which is to be looked at more closely. */
 INLINE int committed(const struct sequence *s, long at)
 {
     double L[N * N];
@@ -213,7 +214,15 @@ INLINE int committed(const struct sequence *s, long at)
     memcpy(L, s->P, sizeof L);
     memcpy(s->means + at * N, s->x, N * sizeof *L);
     memcpy(s->covariances + at * N * N, s->P, sizeof L);
-    return is_finite(s->x, N) && factored(L, N);
+    for (int i = 0; i < N; i++)
+        if (!(fabs(s->x[i]) < 1e150 && s->P[i * N + i] < 1e150))
+            return 0;
+    if (!factored(L, N))
+        return 0;
+    for (int i = 0; i < N; i++)
+        if (!(L[i * N + i] * L[i * N + i] > 1e-10 * s->P[i * N + i]))
+            return 0;
+    return 1;
 }
 
 /* Returns the number of instants that were processed. */

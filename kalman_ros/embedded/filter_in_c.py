@@ -114,7 +114,8 @@ class FilterInC(Filter):
     ) -> FirstSteps | None:
         """Return the steps before a reading beyond its limit, of readings of sensors in C."""
         places = [self._sensors.get(sensor.name, -1) for sensor in sensors]
-        if any(place < 0 and len(y) for place, y in zip(places, data.readings)):
+        absent = any(place < 0 and len(y) for place, y in zip(places, data.readings))
+        if absent or not sensors:
             return None
         length, n = len(data.dt), self._n
         x, P = np.empty((length + 1, n)), np.empty((length + 1, n, n))

@@ -19,6 +19,8 @@ from .timeline import Item, State
 
 #: Most steps for each arrival, on average: one that is late repeats those behind it.
 _STEPS = 8
+#: Numbers of this size are left to a look at each of them: their squares are infinite.
+_HUGE = 1e150
 
 
 class Arrivals(NamedTuple):
@@ -51,11 +53,14 @@ class Arrivals(NamedTuple):
         return Arrivals(time, now, source, row, self.values, self.covariances)
 
     def usable(self, ahead: float) -> int:
-        """Return how many lead that are finite, and not stamped ``ahead`` ns beyond arrival."""
-        bad: Any = self.time - self.now > ahead
+        """Return how many lead that are of usual size, and stamped at most ``ahead`` ns too late.
+
+        Those whose time of arrival is 0, and so unknown, are not counted.
+        """
+        bad: Any = (self.time - self.now > ahead) | (self.now == 0)
         for index, values in enumerate(self.values):
             read = np.flatnonzero(self.source == index)
-            bad[read] |= ~np.isfinite(values[self.row[read]]).all(axis=1)
+            bad[read] |= ~(np.abs(values[self.row[read]]) < _HUGE).all(axis=1)
         return int(np.argmax(np.append(bad, True)))
 
 

@@ -236,7 +236,8 @@ class OnlineEstimator:
         self._timeline.extend(items, whole=len(items) == count)
         self._timeline.forget(self._window)
         for name, readings in zip(self._names, taken.nis):
-            self.counts[name][Outcome.FUSED] += len(readings)
+            if len(readings):
+                self.counts[name][Outcome.FUSED] += len(readings)
         read = np.flatnonzero(arrivals.source[:count] < len(self._names))
         if len(read):
             self._old_in_a_row, self._current_at = 0, int(arrivals.now[read[-1]])

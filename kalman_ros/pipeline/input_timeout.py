@@ -42,11 +42,12 @@ class InputTimeout:
         """
         if not self._timeout:
             return len(time)
-        begun = 0 if self._due is None else self._due
-        due = np.maximum.accumulate(np.where(acts, time + self._timeout, 0))
-        due = np.maximum(np.concatenate(([0], due[:-1])), begun)
-        ended = (due > 0) & (np.minimum(time, now) > due)
-        return int(np.argmax(ended)) if ended.any() else len(time)
+        never = np.iinfo(np.int64).max
+        begun = -never if self._due is None else self._due
+        due = np.maximum.accumulate(np.where(acts, time + self._timeout, -never))
+        due = np.maximum(np.concatenate(([-never], due[:-1])), begun)
+        ended = np.minimum(time, now) > np.where(due == -never, never, due)
+        return int(np.argmax(np.append(ended, True)))
 
     def ending(self, time: int) -> tuple[int, Array] | None:
         """Return the end of the last input and the idle input, if the end is before ``time``."""

@@ -126,7 +126,7 @@ class ReadingReader:
             If the bytes are not those of such a message.
         """
         reading = self._decoded(data, source)
-        if self._origin is not None and self.is_new:
+        if self._origin is not None and self._origin.is_new:
             self._origin.settle(good=_is_usable(reading))
         # a stamp of zero means that there is no stamp
         if self._offset and reading.time:
@@ -138,7 +138,7 @@ class ReadingReader:
 
         It is possible where no message is refused, and none depends on an earlier one.
         """
-        depends = self._still is not None or self._change is not None or self.is_new
+        depends = self._still is not None or self._change is not None or self._settles
         if depends or not messages[0].startswith(self._guard.accepted, FRAME_START):
             return None
         samples = self._read.read_all(messages)
@@ -150,6 +150,7 @@ class ReadingReader:
             time = np.where(time, time + self._offset, 0)
         if self._zero is not None:
             values, carried = np.broadcast_to(self._zero, (count, len(self._zero))), ()
+            which = np.zeros(count, dtype=int)
         matrices = [source.used(C) for C in carried] or [None]
         if not all(C is None or is_covariance(C, len(R)) for C in matrices):
             return None
@@ -198,9 +199,14 @@ class ReadingReader:
         return used
 
     @property
-    def is_new(self) -> bool:
-        """Whether a message may still decide about the datum of others."""
+    def _settles(self) -> bool:
         return self._origin is not None and self._origin.is_new
+
+    @property
+    def is_new(self) -> bool:
+        """Whether a message may still decide about the datum of others, or about the frame."""
+        framed = self._guard.frame or not self._guard.accepted
+        return not framed or self._settles
 
     @property
     def frame(self) -> str:
@@ -374,7 +380,7 @@ class SensorReader:
 
     def read_all(self, messages: Sequence[bytes], source: SensorSource) -> Readings | None:
         """Return the readings in many messages at once; None if that is not possible."""
-        return self._read.read_all(messages, source) if self.is_settled else None
+        return self._read.read_all(messages, source) if self._mounts is None else None
 
     @property
     def trouble(self) -> str:

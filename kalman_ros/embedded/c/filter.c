@@ -51,10 +51,20 @@ typedef struct {
     real *innovation, *S, *nis;
 } readings_of_sensor;
 
+/* 0 for a belief that is hardly positive definite, or so large that its square is not finite, which
+ * is to be looked at more closely */
 static int definite(const real *x, const real *P)
 {
     real L[N * N];
-    return are_finite(x, N) && factored(P, N, 0, L);
+    for (int i = 0; i < N; i++)
+        if (!(fabs(x[i]) < (real)1e150 && P[i * N + i] < (real)1e150))
+            return 0;
+    if (!factored(P, N, 0, L))
+        return 0;
+    for (int i = 0; i < N; i++)
+        if (!(L[i * N + i] * L[i * N + i] > (real)1e-10 * P[i * N + i]))
+            return 0;
+    return 1;
 }
 
 /* Steps of length dt, in which an input acts, one of some, with a sensor that is read behind it, less

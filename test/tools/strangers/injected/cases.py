@@ -95,14 +95,14 @@ def _links() -> list[InjectedRecording]:
         'jitter': ({'jitter': 0.1}, 'jitter'),
         'reordering': ({'reordering': 0.05}, 'stamps backward'),
         'duplication': ({'duplication': 0.05}, 'stamps duplicated'),
+        'delay': ({'delay': 0.1}, 'delay'),
     }
     for fault, (options, kind) in others.items():
+        # stamps are true, and the window of the estimator is longer
+        alike = 'clean' if fault in ('delay', 'jitter') else ''
         for scenario, sensor in _SENSOR.items():
-            cases.append(_case(scenario, fault, Injection({sensor: options}), kind, sensor))
-    for scenario, sensor in _SENSOR.items():
-        late = Injection({sensor: {'delay': 0.1}})
-        # true stamps, and the window of the estimator is longer
-        cases.append(_case(scenario, 'delay', late, 'late', sensor, 0.1, 's', 'clean'))
+            wrong = Injection({sensor: options})
+            cases.append(_case(scenario, fault, wrong, kind, sensor, alike=alike))
     return cases
 
 
