@@ -53,9 +53,10 @@ class Arrivals(NamedTuple):
         return Arrivals(time, now, source, row, self.values, self.covariances)
 
     def usable(self, ahead: float) -> int:
-        """Return how many lead that are of usual size, and stamped at most ``ahead`` ns too late.
+        """Return the number of arrivals before the first that needs a closer look.
 
-        Those whose time of arrival is 0, and so unknown, are not counted.
+        Such are numbers of no usual size, stamps later than the arrival by more than ``ahead`` ns,
+        and times of arrival of 0, which are unknown.
         """
         bad: Any = (self.time - self.now > ahead) | (self.now == 0)
         for index, values in enumerate(self.values):
@@ -83,14 +84,16 @@ class Schedule:
     def __init__(
         self, arrivals: Arrivals, last: tuple[int, int], window: int, longest: int
     ) -> None:
-        self.arrivals, self._begin = arrivals, last[0]
-        #: Of each step the one behind which it begins, -1 for none; its length in ns; the input
-        #: that acts, 0 for that before; and the arrival.
+        self.arrivals = arrivals
+        #: Index of the step behind which each step begins; -1 for the belief before all.
         self._start: list[int] = []
+        #: Length of each step in nanoseconds.
         self._length: list[int] = []
+        #: Row of the input that acts in each step, plus 1; 0 for the input before all.
         self._input: list[int] = []
+        #: Index of the arrival that each step leads to.
         self._arrival: list[int] = []
-        #: Of each arrival, the first and the last step, and the newest stamp behind it.
+        #: First and last step for each arrival, and the newest stamp known after it.
         self.first: Any = []
         self.last: Any = []
         self.newest: Any = []
@@ -99,7 +102,7 @@ class Schedule:
         self.newest = np.array(self.newest, dtype=np.int64)
         self._arrival_of = np.array(self._arrival, dtype=int)
         self._sources = arrivals.source[self._arrival_of]
-        #: Of each step its place among those of its source.
+        #: Place of each step among the steps to readings of the same sensor.
         self._rank = np.zeros(len(self._sources), dtype=int)
         for index in range(len(arrivals.values)):
             of_source = self._sources == index
@@ -109,7 +112,7 @@ class Schedule:
         times, sources = self.arrivals.time.tolist(), self.arrivals.source.tolist()
         rows, acts = self.arrivals.row.tolist(), len(self.arrivals.covariances)
         keys = [last]
-        #: Of each key the arrival, the step, and the input that acts from there on.
+        # for each key: the arrival, its last step, and the input that acts from there on
         items = [(-1, -1, 0)]
         most = _STEPS * len(times)
         start, length, input, arrival = self._start, self._length, self._input, self._arrival
@@ -157,7 +160,7 @@ class Schedule:
         )
 
     def taken(self, steps: FirstSteps) -> Taken:
-        """Return what became of the arrivals all steps of which were made."""
+        """Return the results for those arrivals all steps of which were made."""
         count = int(np.searchsorted(self.last, len(steps.mean)))
         first, last = self.first[:count], self.last[:count]
         source = self.arrivals.source[:count]
@@ -226,7 +229,7 @@ class Schedule:
 
 
 class Taken(NamedTuple):
-    """What became of the first of many arrivals, all of which were fused.
+    """Results for the first of many arrivals, all of which were fused.
 
     Parameters
     ----------

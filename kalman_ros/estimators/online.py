@@ -210,7 +210,7 @@ class OnlineEstimator:
         """Add those of many arrivals that need no decision at once, as `add` one after the other.
 
         Those are the first ones, up to one that is refused, doubted, follows a gap or leaves a
-        covariance to repair. Returns what became of them; None if there are too few, or if the
+        covariance to repair. Returns their results; None if there are too few, or if the
         filter does not compute their steps at once.
         """
         head, last = self._timeline.head, self._timeline.last
@@ -231,8 +231,7 @@ class OnlineEstimator:
         count = len(taken.time)
         if not count:
             return taken
-        window = self._window, head, self._filter, sensors
-        items = [*schedule.items(count, steps, *window)]
+        items = list(schedule.items(count, steps, self._window, head, self._filter, sensors))
         self._timeline.extend(items, whole=len(items) == count)
         self._timeline.forget(self._window)
         for name, readings in zip(self._names, taken.nis):

@@ -148,8 +148,7 @@ class Fuser:
     def fuse_first(self, arrivals: Arrivals) -> Taken | None:
         """Fuse those of many readings and inputs that need no decision, as `fuse` does, at once.
 
-        Returns what became of these first ones; None if it is not possible. Observability is not
-        measured.
+        Returns their results; None if it is not possible. Observability is not measured.
         """
         if self.before_next is not None or not self.fusing:
             return None

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages that are taken together give the replay of messages taken one by one."""
 
+from dataclasses import replace
+from itertools import repeat
+
 import numpy as np
 import pytest
 
@@ -13,15 +16,20 @@ from sensor_msgs.msg import Imu, JointState
 from tools.strangers.injected.bag import write_bag
 from tools.strangers.injected.recordings import Injection
 
+from kalman_ros.bags.blocks import Message
 from kalman_ros.bags.feed import Feed
 from kalman_ros.bags.reading import Bag
 from kalman_ros.bags.recording_writer import RecordingWriter
-from kalman_ros.bags.replay import replay
+from kalman_ros.bags.replay import _blocks, replay
 from kalman_ros.codecs.messages import write_stamp
 from kalman_ros.codecs.signal_codecs import codec_of
 from kalman_ros.codecs.wire import WireReader
 from kalman_ros.compiled import is_available
 from kalman_ros.core import Signal
+from kalman_ros.pipeline.input_timeout import InputTimeout
+from kalman_ros.pipeline.reading_reader import ReadingReader
+from kalman_ros.scenario import build, shipped
+from kalman_ros.scenario.parameter_files import from_file
 
 GATED = {'joint_states.gate': 0.99, 'gate_recover_after': 5}
 OUTLYING = Injection({'joint_states': {'outliers': 0.02, 'nan': 0.01, 'reordering': 0.01}})
@@ -229,3 +237,38 @@ def test_a_message_that_declares_absence_is_not_decoded_with_others():
     read = WireReader(codec_of(YAW_RATE))
     assert read.read_all(data) is not None
     assert read.read_all([*data, bytes(serialize_message(absent))]) is None
+
+
+def test_a_sensor_that_is_always_zero_has_its_covariance_whatever_its_messages_carry():
+    source = build(from_file(shipped.file('diff_drive'), 'estimator')).sensors['imu']
+    signal = replace(source.signal, zero=True)
+    read = ReadingReader(signal)
+    data = [bytes(serialize_message(each)) for each in imus(np.random.default_rng(0), 8)]
+    read(data[0], source)
+    many = read.read_all(data, source)
+    assert many.values.tolist() == [[0.0]] * 8
+    np.testing.assert_array_equal(many.covariance, [source.sensor.covariance] * 8)
+
+
+@pytest.mark.parametrize('begin', [0, -5_000_000_000, 10**18])
+def test_an_input_ends_before_the_same_message_as_one_by_one(begin):
+    rng = np.random.default_rng(1)
+    for _ in range(50):
+        time = begin + np.cumsum(rng.integers(0, 120, 40)) * 1_000_000
+        now, acts = time + rng.integers(-50, 50, 40) * 1_000_000, rng.random(40) < 0.3
+        alone, many = (InputTimeout(0.1, np.zeros(1)) for _ in range(2))
+        expected = len(time)
+        for k in range(len(time)):
+            if alone.ended_by(min(int(time[k]), int(now[k]))):
+                expected = k
+                break
+            if acts[k]:
+                alone.on_input(int(time[k]))
+        assert many.before_end(time, now, acts) == expected
+
+
+def test_messages_are_taken_in_blocks_of_a_number_and_of_some_bytes():
+    many = [Message(k, 'a', bytes(9)) for k in range(7)]
+    assert [len(block) for block in _blocks(many, iter([2, 3, 3]))] == [2, 3, 2]
+    large = [Message(k, 'a', bytes(9_000_000)) for k in range(3)]
+    assert [len(block) for block in _blocks(large, repeat(100))] == [2, 1]

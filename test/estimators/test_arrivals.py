@@ -71,7 +71,7 @@ def one_by_one(online, rows):
         name = NAMES[source] if source < 2 else None
         outcome, correction = online.add([Arrival(name, stamp, np.array([value]))], now)[0]
         innovation = None if correction is None else correction.innovation.copy()
-        results.append((outcome, innovation, *map(np.copy, online.belief)))
+        results.append((outcome, innovation, *map(np.copy, online.belief), online.time))
     return results
 
 
@@ -99,7 +99,8 @@ def at_once(online, rows, most=40):
             s, innovation = int(source[at + k]), None
             if s < 2:
                 innovation, read[s] = steps.innovation[s][read[s]], read[s] + 1
-            results.append((Outcome.FUSED, innovation, steps.mean[k], steps.covariance[k]))
+            belief = steps.mean[k], steps.covariance[k]
+            results.append((Outcome.FUSED, innovation, *belief, steps.time[k]))
         at, together = at + count, together + count
     return results, together
 
@@ -139,6 +140,7 @@ def rows_of(seed, count, *, late=0.0, wild=0.0, broken=0.0, gap=0.0):
         ({'gap': 0.02}, {'max_gap': 5.0}, 90),
         ({'late': 0.05, 'wild': 0.03, 'broken': 0.02}, {'gates': GATES, 'window': 0.05}, 60),
         ({'late': 0.3}, {'restart_after': 3, 'window': 0.02}, 0),
+        ({'late': 0.05}, {'restart_after': 0, 'window': 0.12}, 90),
     ],
 )
 def test_many_at_once_are_what_they_are_one_by_one(troubles, options, least):
@@ -149,6 +151,7 @@ def test_many_at_once_are_what_they_are_one_by_one(troubles, options, least):
     same(expected, results)
     assert together >= least
     assert many.counts == alone.counts
+    assert all({*many.counts[name]} == {*alone.counts[name]} for name in NAMES)
     assert (many.restarts, many.repairs, many.time) == (alone.restarts, alone.repairs, alone.time)
     assert many._timeline.head.records == alone._timeline.head.records
 
@@ -162,6 +165,27 @@ def test_what_comes_late_afterwards_changes_the_same(seed, window, most):
     expected = one_by_one(alone, rows + more)
     results, _ = at_once(many, rows, most)
     same(expected, results + one_by_one(many, more))
+
+
+@pytest.mark.parametrize(('ago', 'together'), [(110, 61), (130, 60)])
+def test_a_reading_before_the_window_is_too_late(ago, together):
+    rows = [(0, SECOND + k * 10_000_000, SECOND + k * 10_000_000, 0.1) for k in range(60)]
+    rows.append((1, rows[-1][1] - ago * 1_000_000, rows[-1][2], 0.2))
+    alone, many = (estimator(window=0.12) for _ in range(2))
+    results, count = at_once(many, rows, 200)
+    same(one_by_one(alone, rows), results)
+    assert count == together - 1  # the first has no belief before it
+
+
+def test_a_silent_sensor_has_no_count_and_the_window_keeps_what_may_still_change():
+    rows = [row for row in rows_of(3, 120) if row[0] != 1]
+    online = estimator(window=0.05)
+    results, together = at_once(online, rows)
+    assert together > 60
+    assert [*online.counts['velocity']] == []
+    base, items = online._timeline._base, online._timeline._items
+    assert base.time < items[0].key[0]
+    assert 2 <= len(items) <= 11 and results[-1][4] == items[-1].key[0]
 
 
 @pytest.mark.parametrize('option', [{'from_rest': True}, {'adaptive': ('position',)}])

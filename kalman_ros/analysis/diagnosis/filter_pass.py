@@ -23,7 +23,7 @@ from kalman_ros.core.ordered_data import OrderedData, StepMatrices
 from kalman_ros.estimators import filter_class
 from kalman_ros.estimators.diffuse import Diffuse
 from kalman_ros.estimators.filters.ekf import ExtendedKalmanFilter
-from kalman_ros.estimators.plan import parts
+from kalman_ros.estimators.plan import all_parts
 from kalman_ros.linear.matrices import identity
 from kalman_ros.linear.single import sandwich, scaled
 from kalman_ros.scenario import Scenario
@@ -172,11 +172,10 @@ def _matrices(
     if isinstance(first, Diffuse):
         return None
     scenario, data = _computed(given.evidence.scenario, os.environ.get(VARIABLE)), given.data
-    lengths, which = np.unique(data.dt, return_inverse=True)
-    counts = np.array([parts(scenario.model, dt) for dt in lengths.tolist()], dtype=int)
     sensors = [scenario.sensors[name].sensor for name in given.names]
     limits = given.limits(gate)
-    return scenario.model.filter_pass((*first,), data, counts[which], sensors, limits)
+    counts = all_parts(scenario.model, data.dt)
+    return scenario.model.filter_pass((*first,), data, counts, sensors, limits)
 
 
 class _Table:

@@ -117,6 +117,8 @@ def calibrated(share: float) -> float:
     Its odds are `_ODDS` times the root of those of the share: a logistic recalibration (J. Platt,
     Probabilistic Outputs for Support Vector Machines, 1999) by 217 first findings, on the eleventh
     and the twelfth set of foreign systems at their first sight, and on faults in real recordings.
+    The likeliest one is 22 times the power 0.36; this one is within 0.7 of its log likelihood, and
+    less sure.
     """
     if share in (0.0, 1.0):
         return share
