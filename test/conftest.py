@@ -14,7 +14,8 @@ from hypothesis import settings
 
 # messages of tests must stay on this machine
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-# results are the same to the last bit whether CasADi is installed or not
+# asked for by hand; processes that share the tests see it, too
+os.environ.setdefault('KALMAN_ROS_TESTED', os.environ.get('KALMAN_ROS_ARITHMETIC', ''))
 os.environ.setdefault('KALMAN_ROS_ARITHMETIC', 'numpy')
 
 # asked by a process, once, as by h5py where a quick test may start none
@@ -131,7 +132,13 @@ class QuickFirst:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item):
-    """Fork nodes where no process is the subject, which saves their imports."""
+    """Fork nodes where no process is the subject, which saves their imports.
+
+    Quick tests compute by numpy: the same to the last bit whether CasADi is installed or not. Slow
+    ones compute as users do, unless all tests run, which they do with either arithmetic.
+    """
+    usual = 'compiled' if is_slow(item) and not item.config.option.all else 'numpy'
+    os.environ['KALMAN_ROS_ARITHMETIC'] = os.environ['KALMAN_ROS_TESTED'] or usual
     if item.get_closest_marker('slow') and find_spec('rclpy'):
         nursery.choose(any(map(item.get_closest_marker, ('executables', 'real_time'))))
 

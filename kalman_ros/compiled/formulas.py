@@ -160,6 +160,17 @@ def _branching(model: Any, function: str) -> Any:
     return model
 
 
+def _undivided(model: Any) -> Any:
+    """Return a model that refuses to divide a step: its length is no number in formulas."""
+
+    def substeps(dt: Any) -> int:
+        raise UntraceableError('its step is divided into substeps')
+
+    for inner in nested(model):
+        vars(inner)['substeps'] = substeps
+    return model
+
+
 def of_model(model: Model, parameters: Parameters) -> ModelFormulas:
     """Return the formulas of a model in continuous time.
 
@@ -244,7 +255,7 @@ def _of_steps(
     A model that overrides ``step`` has one in each.
     """
     if any('step' in overridden(part) for part in nested(model)):
-        return trace(lambda x, u, h, p: given(p).step(x, u, h[0]), *probes), 1
+        return trace(lambda x, u, h, p: _undivided(given(p)).step(x, u, h[0]), *probes), 1
     substep = trace(lambda x, u, h, p: given(p).substep(x, u, h[0]), *probes)
     x, u, _, p = probes[0]
     longer = 2.5 * min(model.max_step, 0.1)
@@ -255,7 +266,7 @@ def _of_steps(
         moved = np.array(evaluated(moved, u, h, p))[:, 0]
     if np.allclose(model.state.wrap(moved), model.step(x, u, longer), rtol=_CLOSE, atol=_CLOSE):
         return substep, most
-    return trace(lambda x, u, h, p: given(p).step(x, u, h[0]), *probes), 1
+    raise UntraceableError('its steps are not those of its substeps')
 
 
 def _slope(space: Space, substep: Trace) -> Trace:

@@ -462,6 +462,16 @@ def test_a_step_of_a_user_is_not_replaced_by_ours(kind):
             assert_same(found.noise_covariance(x, u, dt), Q, 1e-6)
 
 
+def test_a_step_that_is_divided_by_its_length_is_refused_at_once(monkeypatch):
+    calls, derivative = [], Pendulum.derivative
+    monkeypatch.setattr(
+        Pendulum, 'derivative', lambda self, x, u: calls.append(1) or derivative(self, x, u)
+    )
+    found = attempt(Bounded())
+    assert found.arithmetic == 'numpy' and 'divided into substeps' in found.reason
+    assert len(calls) < 100
+
+
 @C
 def test_what_changes_without_an_attribute_is_noticed(monkeypatch):
     x, u = np.array([0.3, 1.0]), np.array([60.0])
