@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from heapq import heappop, heappush, heapreplace
+from heapq import heappop, heappush
 from itertools import islice
 from math import inf
 from operator import itemgetter
@@ -67,27 +68,29 @@ def in_order(
         If a block cannot be read, or the budget does not suffice.
     """
     selected = sorted((b for b in blocks if b.start <= end and b.end >= start), key=itemgetter(0))
-    #: The time of the next message of each block, its place in the file, and the rest, last first.
-    pending: list[tuple[int, int, list[Message]]] = []
+    #: The time of the next message of each block, its place in the file, all, and its index.
+    pending: list[tuple[int, int, list[Message], int]] = []
+    time = itemgetter(0)
     for index, block in enumerate(selected):
-        messages = _collect(block.read(topics, budget), budget)
-        if any(not block.start <= message.time <= block.end for message in messages):
+        messages = sorted(_collect(block.read(topics, budget), budget), key=time)
+        if messages and not block.start <= messages[0].time <= messages[-1].time <= block.end:
             raise ValueError('a message was not received when the part that it is in says')
         if messages:
-            messages.sort(key=itemgetter(0))
-            messages.reverse()
-            heappush(pending, (messages[-1].time, index, messages))
+            heappush(pending, (messages[0].time, index, messages, 0))
         until = selected[index + 1].start if index + 1 < len(selected) else inf
         while pending and pending[0][0] < until:
-            _, number, messages = pending[0]
-            message = messages.pop()
-            if messages:
-                heapreplace(pending, (messages[-1].time, number, messages))
-            else:
-                heappop(pending)
-            budget.release(len(message.data) + _MESSAGE)
-            if start <= message.time <= end:
-                yield message
+            _, number, messages, at = heappop(pending)
+            most = bisect_left(messages, until, at, key=time)
+            if pending:
+                other, behind, *_ = pending[0]
+                bisect = bisect_right if number < behind else bisect_left
+                most = bisect(messages, other, at, most, key=time)
+            if most < len(messages):
+                heappush(pending, (messages[most].time, number, messages, most))
+            begin = bisect_left(messages, start, at, most, key=time)
+            stop = bisect_right(messages, end, begin, most, key=time)
+            yield from messages[begin:stop]
+            budget.release(_size(messages[at:most]))
 
 
 def _collect(messages: Iterable[Message], budget: Budget) -> list[Message]:
@@ -96,9 +99,14 @@ def _collect(messages: Iterable[Message], budget: Budget) -> list[Message]:
     collected: list[Message] = []
     while group := list(islice(iterator, _GROUP)):
         budget.work(len(group))
-        budget.hold(sum(len(message.data) + _MESSAGE for message in group))
+        budget.hold(_size(group))
         collected += group
     return collected
+
+
+def _size(messages: Iterable[Message]) -> int:
+    """Return the bytes that messages take in memory."""
+    return sum(len(message.data) + _MESSAGE for message in messages)
 
 
 def as_published(messages: Iterable[Message]) -> Iterator[Message]:

@@ -131,11 +131,11 @@ class InputColumns:
     """Inputs over time."""
 
     def __init__(self, size: int) -> None:
-        self._rows = Rows(times=(2,), value=(size,))
+        self._rows = Rows(received=(1,), stamp=(1,), value=(size,))
 
     def add(self, received: float, stamp: float, u: Array) -> None:
         """Add an input."""
-        self._rows.append(np.array((received, stamp)), u)
+        self._rows.append(np.array(received), np.array(stamp), u)
 
     def extend(self, received: Array, stamp: Array, u: Array) -> None:
         """Add inputs (N, m)."""
@@ -144,8 +144,7 @@ class InputColumns:
     def result(self) -> InputRecord:
         """Return all inputs."""
         columns = self._rows.columns()
-        received, stamp = columns['times'].T
-        return InputRecord(received, stamp, columns['value'])
+        return InputRecord(columns['received'][:, 0], columns['stamp'][:, 0], columns['value'])
 
 
 class EstimateRecording:

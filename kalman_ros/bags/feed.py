@@ -262,11 +262,12 @@ class Feed:
                     stamp[which], taken.innovation[index], taken.S[index], taken.nis[index],
                 )  # fmt: skip
         acts = source == len(ahead.readings)
+        known, mean, covariance = taken[:3]
         if acts.any():
             self.inputs.extend(received[acts], stamp[acts], ahead.inputs[row[acts]])
-        belief = unchecked((taken.mean[~acts], taken.covariance[~acts]))
-        belief = self.settings.scenario.believed.own(belief)
-        self.beliefs.extend((taken.time[~acts] - self.start) * 1e-9, *belief)
+            known, mean, covariance = (column[~acts] for column in taken[:3])
+        belief = self.settings.scenario.believed.own(unchecked((mean, covariance)))
+        self.beliefs.extend((known - self.start) * 1e-9, *belief)
         if self.recording is not None:
             self._record(self.recording, arrivals.some(slice(count)), taken, belief)
         self._received = self._now = int(now[-1])

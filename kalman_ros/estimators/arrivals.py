@@ -64,6 +64,41 @@ class Arrivals(NamedTuple):
             bad[read] |= ~(np.abs(values[self.row[read]]) < _HUGE).all(axis=1)
         return int(np.argmax(np.append(bad, True)))
 
+    def follow_each_other(self, last: tuple[int, int], longest: int) -> bool:
+        """Return whether each is later than all before it, by at most ``longest`` unless it is 0.
+
+        ``last`` is the stamp and the source of the newest item before them.
+        """
+        gap = np.diff(self.time, prepend=last[0])
+        later = (gap > 0) | ((gap == 0) & (np.diff(self.source, prepend=last[1]) > 0))
+        return bool(later.all() and not (longest and (gap > longest).any()))
+
+
+class _Steps(NamedTuple):
+    """Steps of a filter through arrivals.
+
+    Parameters
+    ----------
+    start
+        Index of the step behind which each step begins (S,); -1 for the belief before all.
+    length
+        Length of each step in nanoseconds.
+    input
+        Row of the input that acts in each step, plus 1; 0 for the input before all.
+    arrival
+        Index of the arrival that each step leads to.
+    first, last, newest
+        First and last step for each arrival (A,), and the newest stamp known after it.
+    """
+
+    start: Any
+    length: Any
+    input: Any
+    arrival: Any
+    first: Any
+    last: Any
+    newest: Any
+
 
 class Schedule:
     """The steps of a filter through arrivals in the order of receipt.
@@ -85,88 +120,46 @@ class Schedule:
         self, arrivals: Arrivals, last: tuple[int, int], window: int, longest: int
     ) -> None:
         self.arrivals = arrivals
-        #: Index of the step behind which each step begins; -1 for the belief before all.
-        self._start: list[int] = []
-        #: Length of each step in nanoseconds.
-        self._length: list[int] = []
-        #: Row of the input that acts in each step, plus 1; 0 for the input before all.
-        self._input: list[int] = []
-        #: Index of the arrival that each step leads to.
-        self._arrival: list[int] = []
-        #: First and last step for each arrival, and the newest stamp known after it.
-        self.first: Any = []
-        self.last: Any = []
-        self.newest: Any = []
-        self._fill(last, window, longest)
-        self.first, self.last = np.array(self.first, dtype=int), np.array(self.last, dtype=int)
-        self.newest = np.array(self.newest, dtype=np.int64)
-        self._arrival_of = np.array(self._arrival, dtype=int)
-        self._sources = arrivals.source[self._arrival_of]
+        self._in_order = arrivals.follow_each_other(last, longest)
+        self._steps = (
+            _one_each(arrivals, last) if self._in_order else _all(arrivals, last, window, longest)
+        )
+        self._sources = arrivals.source[self._steps.arrival]
         #: Place of each step among the steps to readings of the same sensor.
         self._rank = np.zeros(len(self._sources), dtype=int)
         for index in range(len(arrivals.values)):
             of_source = self._sources == index
             self._rank[of_source] = np.arange(np.count_nonzero(of_source))
 
-    def _fill(self, last: tuple[int, int], window: int, longest: int) -> None:
-        times, sources = self.arrivals.time.tolist(), self.arrivals.source.tolist()
-        rows, acts = self.arrivals.row.tolist(), len(self.arrivals.covariances)
-        keys = [last]
-        # for each key: the arrival, its last step, and the input that acts from there on
-        items = [(-1, -1, 0)]
-        most = _STEPS * len(times)
-        start, length, input, arrival = self._start, self._length, self._input, self._arrival
-        for index, key in enumerate(zip(times, sources)):
-            place, begun = len(keys), len(start)
-            if key <= keys[-1]:
-                place = bisect_left(keys, key)
-                if key[0] < keys[-1][0] - window or not place or keys[place] == key:
-                    break
-            keys.insert(place, key)
-            items.insert(place, (index, -1, 0))
-            _, before, acting = items[place - 1]
-            for at in range(place, len(keys)):
-                which = items[at][0]
-                gap = keys[at][0] - keys[at - 1][0]
-                step = len(start)
-                start.append(before)
-                length.append(gap)
-                input.append(acting)
-                arrival.append(which)
-                if keys[at][1] == acts:
-                    acting = rows[which] + 1
-                items[at] = which, step, acting
-                before = step
-            if (longest and max(length[begun:]) > longest) or len(start) > most:
-                del start[begun:], length[begun:], input[begun:], arrival[begun:]
-                break
-            self.first.append(begun)
-            self.last.append(before)
-            self.newest.append(keys[-1][0])
+    def __len__(self) -> int:
+        return len(self._steps.last)
 
     def data(self, u: Array) -> OrderedData:
         """Return the data of the steps, where ``u`` (m,) acts at first."""
-        arrivals, of, source = self.arrivals, self._arrival_of, self._sources
+        arrivals, of, source = self.arrivals, self._steps.arrival, self._sources
         return OrderedData(
             arrivals.time[of] * 1e-9,
-            1e-9 * np.array(self._length, dtype=float),
+            1e-9 * self._steps.length,
             np.vstack((u, arrivals.values[-1])),
-            np.array(self._input, dtype=int),
+            self._steps.input,
             np.where(source == len(arrivals.covariances), -1, source),
             arrivals.row[of],
             arrivals.values[:-1],
             arrivals.covariances,
-            np.array(self._start, dtype=int),
+            self._steps.start,
         )
 
     def taken(self, steps: FirstSteps) -> Taken:
         """Return the results for those arrivals all steps of which were made."""
-        count = int(np.searchsorted(self.last, len(steps.mean)))
-        first, last = self.first[:count], self.last[:count]
+        count = int(np.searchsorted(self._steps.last, len(steps.mean)))
+        newest = self._steps.newest[:count]
+        if self._in_order:
+            return Taken(newest, *steps)
+        first, last = self._steps.first[:count], self._steps.last[:count]
         source = self.arrivals.source[:count]
         read = [self._rank[first[source == index]] for index in range(len(steps.nis))]
         return Taken(
-            self.newest[:count],
+            newest,
             steps.mean[last],
             steps.covariance[last],
             *(
@@ -200,14 +193,14 @@ class Schedule:
             Filter, and the sensors in their order.
         """
         arrivals = self.arrivals.some(slice(count))
-        acts, made = len(arrivals.covariances), int(self.last[count - 1]) + 1
+        acts, made = len(arrivals.covariances), int(self._steps.last[count - 1]) + 1
         order = np.lexsort((arrivals.source, arrivals.time))
         final = np.zeros(count, dtype=int)
-        final[self._arrival_of[:made]] = np.arange(made)
+        final[self._steps.arrival[:made]] = np.arange(made)
         newest = arrivals.time[order[-1]]
         begin = max(int(np.searchsorted(arrivals.time[order], newest - window)) - 1, 0)
         records = _records(arrivals, order[:begin], head.records)
-        inputs = np.array(self._input, dtype=int)
+        inputs = self._steps.input
         for at in order[begin:].tolist():
             step, time, source = int(final[at]), int(arrivals.time[at]), int(arrivals.source[at])
             belief = unchecked((steps.mean[step].copy(), steps.covariance[step].copy()))
@@ -226,6 +219,58 @@ class Schedule:
                 records = agreement.replaced(records, source, record)
             item.after = State(time, belief, u, records, head.repairs)
             yield item
+
+
+def _one_each(arrivals: Arrivals, last: tuple[int, int]) -> _Steps:
+    """Return a step for each of the arrivals, which follow each other."""
+    step = np.arange(len(arrivals.time))
+    acts = np.where(arrivals.source == len(arrivals.covariances), step, -1)
+    acting = np.append(-1, np.maximum.accumulate(acts)[:-1])
+    input = np.where(acting < 0, 0, arrivals.row[acting] + 1)
+    length = np.diff(arrivals.time, prepend=last[0])
+    return _Steps(step - 1, length, input, step, step, step, arrivals.time)
+
+
+def _all(arrivals: Arrivals, last: tuple[int, int], window: int, longest: int) -> _Steps:
+    """Return the steps for arrivals, with those that follow once more behind one that is late.
+
+    They end before an arrival that is refused or follows a gap, and where they become too many.
+    """
+    times, sources = arrivals.time.tolist(), arrivals.source.tolist()
+    rows, acts = arrivals.row.tolist(), len(arrivals.covariances)
+    keys = [last]
+    # for each key: the arrival, its last step, and the input that acts from there on
+    items = [(-1, -1, 0)]
+    most = _STEPS * len(times)
+    columns: list[list[int]] = [[] for _ in _Steps._fields]
+    start, length, input, arrival, first, final, newest = columns
+    for index, key in enumerate(zip(times, sources)):
+        place, begun = len(keys), len(start)
+        if key <= keys[-1]:
+            place = bisect_left(keys, key)
+            if key[0] < keys[-1][0] - window or not place or keys[place] == key:
+                break
+        keys.insert(place, key)
+        items.insert(place, (index, -1, 0))
+        _, before, acting = items[place - 1]
+        for at in range(place, len(keys)):
+            which = items[at][0]
+            step = len(start)
+            start.append(before)
+            length.append(keys[at][0] - keys[at - 1][0])
+            input.append(acting)
+            arrival.append(which)
+            if keys[at][1] == acts:
+                acting = rows[which] + 1
+            items[at] = which, step, acting
+            before = step
+        if (longest and max(length[begun:]) > longest) or len(start) > most:
+            del start[begun:], length[begun:], input[begun:], arrival[begun:]
+            break
+        first.append(begun)
+        final.append(before)
+        newest.append(keys[-1][0])
+    return _Steps(*(np.array(column, dtype=np.int64) for column in columns))
 
 
 class Taken(NamedTuple):

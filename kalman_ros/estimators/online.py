@@ -221,7 +221,7 @@ class OnlineEstimator:
         if len(arrivals.time) < _TOGETHER:
             return None
         schedule = Schedule(arrivals, last, self._window, self._max_gap)
-        if len(schedule.last) < _TOGETHER:
+        if len(schedule) < _TOGETHER:
             return None
         data, sensors = schedule.data(head.u), [self._sensors[name] for name in self._names]
         steps = self._filter.first_steps(head.belief, data, sensors, self._gate.agreeing)

@@ -11,61 +11,65 @@ static void innovation_covariance(const real *HP, const real *H, const real *R_y
         }
 }
 
-/* x + K z, (I - K H) P (I - K H)' + K R K': the Joseph form. 0 if there is no gain. */
+/* to += factor * row */
+INLINE void add_row(real *to, real factor, const real *row)
+{
+    for (int j = 0; j < N; j++)
+        to[j] += factor * row[j];
+}
+
+/* x + K z, (I - K H) P (I - K H)' + K R K': the Joseph form. 0 if there is no gain. Matrices stand
+ * as rows that are added: of H, H P and K', and of P A', with A = I - K H.
+ */
 FAST static int corrected(const real *x, const real *P, const sensor *of, const real *y,
                      const real *R_y, correction *c)
 {
-    const int k = of->size;
-    real expected[K_MOST], H[K_MOST * N], HP[K_MOST * N], L[K_MOST * K_MOST], K[N * K_MOST];
-    real moved[N], AP[N], joseph[N * N];
+    const int k = size_of(of);
+    real expected[K_MOST], H[K_MOST * N], HP[K_MOST * N], L[K_MOST * K_MOST], gain[K_MOST * N];
+    real moved[N], PA[N * N], rest[K_MOST * N];
     of->measure(x, expected);
     of->difference(y, expected, c->innovation);
     of->jacobian(x, H);
+    memset(HP, 0, sizeof HP);
     for (int i = 0; i < k; i++)
-        for (int j = 0; j < N; j++) {
-            HP[i * N + j] = 0;
-            for (int l = 0; l < N; l++)
-                HP[i * N + j] += H[i * N + l] * P[l * N + j];
-        }
+        for (int l = 0; l < N; l++)
+            if (H[i * N + l] != 0)
+                add_row(HP + i * N, H[i * N + l], P + l * N);
     innovation_covariance(HP, H, R_y, k, c->S);
     const int definite = weighed(of, c, L);
     if (of->gain)
-        memcpy(K, of->gain, N * (size_t)k * sizeof *K);
+        for (int i = 0; i < k; i++)
+            for (int j = 0; j < N; j++)
+                gain[i * N + j] = of->gain[j * k + i];
     else if (!definite)
         return 0;
-    else
-        for (int j = 0; j < N; j++) {
-            real column[K_MOST];
-            for (int i = 0; i < k; i++)
-                column[i] = HP[i * N + j];
-            solved(L, k, column);
-            memcpy(K + j * k, column, (size_t)k * sizeof *K);
-        }
-    /* A P, with A = I - K H; then A P A' + K R K' = A P - (A P H' - K R) K' */
-    for (int i = 0; i < N; i++) {
-        real APH_KR[K_MOST] = {0};
-        moved[i] = x[i];
-        memcpy(AP, P + i * N, sizeof AP);
-        for (int l = 0; l < k; l++) {
-            moved[i] += K[i * k + l] * c->innovation[l];
-            for (int j = 0; j < N; j++)
-                AP[j] -= K[i * k + l] * HP[l * N + j];
-        }
-        for (int l = 0; l < k; l++) {
-            for (int j = 0; j < N; j++)
-                APH_KR[l] += AP[j] * H[l * N + j];
-            for (int m = 0; m < k; m++)
-                APH_KR[l] -= K[i * k + m] * R_y[m * k + l];
-        }
-        for (int j = 0; j <= i; j++) {
-            real sum = AP[j];
-            for (int l = 0; l < k; l++)
-                sum -= APH_KR[l] * K[j * k + l];
-            joseph[i * N + j] = sum;
-            joseph[j * N + i] = sum;
-        }
+    else {
+        memcpy(gain, HP, sizeof gain);
+        solved(L, k, N, gain);
     }
-    arrived(moved, x, joseph, c->x, c->P);
+    memcpy(moved, x, sizeof moved);
+    for (int l = 0; l < k; l++)
+        add_row(moved, c->innovation[l], gain + l * N);
+    memcpy(PA, P, sizeof PA);
+    for (int j = 0; j < N; j++)
+        for (int l = 0; l < k; l++)
+            add_row(PA + j * N, -HP[l * N + j], gain + l * N);
+    /* A P A' + K R K' = P A' - K (H P A' - R K') */
+    memset(rest, 0, sizeof rest);
+    for (int l = 0; l < k; l++) {
+        for (int j = 0; j < N; j++)
+            if (H[l * N + j] != 0)
+                add_row(rest + l * N, H[l * N + j], PA + j * N);
+        for (int m = 0; m < k; m++)
+            add_row(rest + l * N, -R_y[m * k + l], gain + m * N);
+    }
+    for (int j = 0; j < N; j++) {
+        for (int l = 0; l < k; l++)
+            add_row(PA + j * N, -gain[l * N + j], rest + l * N);
+        for (int i = 0; i < j; i++)
+            PA[j * N + i] = PA[i * N + j];
+    }
+    arrived(moved, x, PA, c->x, c->P);
     return 1;
 }
 

@@ -46,18 +46,22 @@ static int factored(const real *A, int n, int may_be_certain, real *L)
     return 1;
 }
 
-/* b becomes A^-1 b, with A = L L' */
-static void solved(const real *L, int n, real *b)
+/* The n rows of B, of some width, become A^-1 B, with A = L L' */
+INLINE void solved(const real *L, int n, int width, real *B)
 {
     for (int i = 0; i < n; i++) {
         for (int k = 0; k < i; k++)
-            b[i] -= L[i * n + k] * b[k];
-        b[i] /= L[i * n + i];
+            for (int j = 0; j < width; j++)
+                B[i * width + j] -= L[i * n + k] * B[k * width + j];
+        for (int j = 0; j < width; j++)
+            B[i * width + j] /= L[i * n + i];
     }
     for (int i = n - 1; i >= 0; i--) {
-        for (int k = i + 1; k < n; k++)
-            b[i] -= L[k * n + i] * b[k];
-        b[i] /= L[i * n + i];
+        for (int j = 0; j < width; j++)
+            B[i * width + j] /= L[i * n + i];
+        for (int k = 0; k < i; k++)
+            for (int j = 0; j < width; j++)
+                B[k * width + j] -= L[i * n + k] * B[i * width + j];
     }
 }
 

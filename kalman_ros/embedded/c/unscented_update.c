@@ -68,7 +68,7 @@ FAST static int predicted(loop_state *s, real dt, real *x, real *P)
 FAST static int corrected(const real *x, const real *P, const sensor *of, const real *y,
                      const real *R_y, correction *c)
 {
-    const int k = of->size;
+    const int k = size_of(of);
     uint32_t repairs = 0;
     real definite[N * N], L[N * N], L_S[K_MOST * K_MOST], points[POINTS][N];
     real read[POINTS * K_MOST], mean[K_MOST], K[N * K_MOST], moved[N], P_after[N * N];
@@ -103,7 +103,7 @@ FAST static int corrected(const real *x, const real *P, const sensor *of, const 
             for (int p = 0; p < POINTS; p++)
                 K[i * k + j] += weight(p) * read[p * k + j] * points[p][i];
         }
-        solved(L_S, k, K + i * k);
+        solved(L_S, k, 1, K + i * k);
         moved[i] = x[i];
         for (int j = 0; j < k; j++)
             moved[i] += K[i * k + j] * c->innovation[j];
