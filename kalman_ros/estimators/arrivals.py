@@ -199,19 +199,25 @@ class Schedule:
         final[self._steps.arrival[:made]] = np.arange(made)
         newest = arrivals.time[order[-1]]
         begin = max(int(np.searchsorted(arrivals.time[order], newest - window)) - 1, 0)
-        records = _records(arrivals, order[:begin], head.records)
-        inputs = self._steps.input
-        for at in order[begin:].tolist():
-            step, time, source = int(final[at]), int(arrivals.time[at]), int(arrivals.source[at])
-            belief = unchecked((steps.mean[step].copy(), steps.covariance[step].copy()))
-            value, acting = arrivals.values[source][arrivals.row[at]], inputs[step]
+        records, kept = _records(arrivals, order[:begin], head.records), order[begin:]
+        which = final[kept]
+        means, covariances = steps.mean[which], steps.covariance[which]
+        indices = (which, arrivals.time[kept], arrivals.source[kept], arrivals.row[kept])
+        kept_items = zip(means, covariances, *(index.tolist() for index in indices))
+        usual = [
+            (sensor.covariance == R).all(axis=(1, 2))
+            for R, sensor in zip(arrivals.covariances, sensors)
+        ]
+        for mean, covariance, step, time, source, row in kept_items:
+            belief = unchecked((mean, covariance))
+            value, acting = arrivals.values[source][row], self._steps.input[step]
             u = arrivals.values[-1][acting - 1] if acting else head.u
             if source == acts:
                 item, u = Item((time, source, time), value, None, filter), value
             else:
-                sensor, R = sensors[source], arrivals.covariances[source][arrivals.row[at]]
-                if not np.array_equal(R, sensor.covariance):
-                    sensor = sensor.with_covariance(R)
+                sensor = sensors[source]
+                if not usual[source][row]:
+                    sensor = sensor.with_covariance(arrivals.covariances[source][row])
                 item = Item((time, source, time), value, sensor, filter)
                 item.outcome = Outcome.FUSED
                 item.correction = _correction(belief, steps, source, int(self._rank[step]))
