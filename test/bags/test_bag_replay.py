@@ -15,7 +15,8 @@ pytest.importorskip('rclpy')
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from rclpy.serialization import serialize_message
-from tools.bench.replays import parameters, record
+from tools.bench.linear import parameters
+from tools.bench.replays import record
 
 import kalman_ros as kr
 from kalman_ros.bags import columns

@@ -29,7 +29,7 @@ from kalman_ros.scenario.parameter_files import from_file
 from kalman_ros.sensors.states import States
 
 from .benchmark import Benchmark, Timing
-from .replays import parameters
+from .linear import parameters
 
 #: Steps per measurement.
 _STEPS = 300

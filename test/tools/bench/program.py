@@ -31,6 +31,7 @@ GROUPS = {
     'estimator': 'relay',
     'real_time': 'real_time',
     'lockstep': 'lockstep',
+    'export': 'exports',
     'replay': 'replays',
     'record': 'recording_cost',
     'tune': 'fits',
