@@ -380,6 +380,7 @@ def test_a_delay_that_the_loop_does_not_bear_is_said():
     )
 
 
+@pytest.mark.slow
 def test_a_robot_on_wheels_is_said_to_be_regulated_along_motions():
     path = Path(__file__).parents[2] / 'docs' / 'examples' / 'robot_on_a_path.yaml'
     found = report(scenario.build(from_file(path, 'estimator', 'controller')))

@@ -31,6 +31,7 @@ def moved(evidence, name, seconds):
     return evidence.with_sensor(name, replace(record, stamp=record.stamp + seconds))
 
 
+@pytest.mark.slow
 def test_a_corrected_stamp_may_be_ahead_of_the_recorder(spring):
     """The owner says when a reading was taken; what is ahead of the recorder is no clock then."""
     name, source = 'position', spring.scenario.sensors['position']
@@ -53,6 +54,7 @@ def test_inputs_from_the_future_are_an_offset_of_their_clock(spring):
     np.testing.assert_allclose(found.mended().inputs.stamp, late.inputs.received, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('seconds', [0.25, -0.6])
 def test_a_clock_that_is_set_is_an_offset_from_then_on(spring, seconds):
     name, record = 'position', spring.sensors['position']
@@ -81,6 +83,7 @@ def test_what_has_no_stamp_is_not_moved(spring):
     np.testing.assert_allclose(mended[stamped], record.stamp[stamped], atol=1e-3)
 
 
+@pytest.mark.slow
 def test_a_network_that_becomes_slower_leaves_stamps_right(spring):
     name, record = 'position', spring.sensors['position']
     late = np.arange(len(record)) >= 80

@@ -39,6 +39,7 @@ def recorded(*factors, offset=0.0, **changes):
     return replay({**PARAMETERS, **changes}, given, inputs)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('factor', [1.3, 0.6, -1.0])
 def test_the_factor_that_sensors_share_is_fitted(factor):
     case = Examination(recorded(factor, factor))
@@ -53,11 +54,13 @@ def test_the_factor_that_sensors_share_is_fitted(factor):
     assert all(each.gain < 0.8 * found.gain for each in single)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('factors', [(1.0, 1.0), (1.3, 1.0 / 1.3)])
 def test_sensors_that_are_right_or_differ_share_no_factor(factors):
     assert list(common_scale.find(Examination(recorded(*factors)))) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('offset', [0.2, -0.3])
 def test_an_offset_that_sensors_share_is_a_bias_of_all(offset):
     case = Examination(recorded(1.0, 1.0, offset=offset))
@@ -69,11 +72,13 @@ def test_an_offset_that_sensors_share_is_a_bias_of_all(offset):
     assert found.gain == pytest.approx(case.passage.misfit - after.misfit, rel=0.05)
 
 
+@pytest.mark.slow
 def test_sensors_of_another_type_are_of_another_kind():
     other = {'right.type': 'geometry_msgs/TwistStamped', 'right.fields': ['twist.linear.y']}
     assert list(common_scale.find(Examination(recorded(1.5, 1.5, **other)))) == []
 
 
+@pytest.mark.slow
 def test_its_size_is_fitted_again():
     case = Examination(recorded(1.5, 1.5))
     trials = Trials(case)

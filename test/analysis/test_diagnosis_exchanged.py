@@ -19,6 +19,7 @@ def bearings():
     return recorded('two_bearings', None, 20.0, 3)
 
 
+@pytest.mark.slow
 def test_two_bearings_are_exchanged(bearings):
     case = Examination(swapped(bearings, *bearings.sensors))
     assert gross.lost(case)

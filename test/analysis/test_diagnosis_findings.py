@@ -30,6 +30,7 @@ def commanded(evidence, stamps):
     return replace(evidence, inputs=record)
 
 
+@pytest.mark.slow
 def test_what_is_added_to_an_input_is_added_while_it_acts(evidence):
     """Its course has one value a piece of the recording, each about its middle."""
     stamps, value = evidence.inputs.stamp, evidence.inputs.value

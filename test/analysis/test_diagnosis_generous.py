@@ -128,6 +128,7 @@ def test_the_doctor_names_it_first(robot):
     assert any(finding.kind == 'noise too large' for finding in found)
 
 
+@pytest.mark.slow
 def test_quarter_turns_are_those_of_vectors(robot):
     assert not list(generous._quarter_turns(Examination(robot), 'odometry'))  # m/s and rad/s
     space = recorded('robot_3d', None, 2.0, 3)
@@ -159,6 +160,7 @@ def test_a_scale_without_a_peak_is_none(robot):
     assert not list(generous._scale(Examination(robot), errors, 'imu', (0,)))
 
 
+@pytest.mark.slow
 def test_a_sensor_that_reads_nothing_and_is_believed_is_unrelated():
     evidence = recorded('diff_drive', None, 30.0, 3)
     nothing = 0.01 * np.random.default_rng(1).normal(size=(len(evidence.sensors['imu']), 1))

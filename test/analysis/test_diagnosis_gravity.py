@@ -100,6 +100,7 @@ def test_fields_that_no_mounting_turns_have_no_lines_to_change(monkeypatch):
     assert not finding.change and finding.mended is None
 
 
+@pytest.mark.slow
 def test_readings_that_are_no_numbers_have_no_size(flight):
     value = np.full_like(flight.sensors['magnetometer'].value, np.nan)
     assert not units_of(flight.with_values('magnetometer', value))
@@ -125,6 +126,7 @@ def robot():
     return recorded('robot_3d', None, 3.0, 3)
 
 
+@pytest.mark.slow
 def test_gravity_shows_that_forces_are_in_g(robot):
     assert not units_of(robot)
     value = robot.sensors['imu'].value.copy()

@@ -207,6 +207,7 @@ def test_what_no_cause_explains_is_told(spring):
     assert leftover.find(Examination(spring)) == []
 
 
+@pytest.mark.slow
 def test_the_numbers_of_a_linear_model_are_those_of_its_matrices(spring):
     values = {
         'model': 'linear', 'model_parameters.A': [0.0, 1.0, -2.0, 0.0],
@@ -363,6 +364,7 @@ def reflected(t, y):
     return y
 
 
+@pytest.mark.slow
 def test_clusters_of_outliers_are_disturbed_stretches(spring):
     found = diagnose(edited(spring, 'position', reflected)).findings[0]
     assert (found.kind, found.subject) == ('disturbed', 'position')

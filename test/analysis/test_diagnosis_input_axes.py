@@ -66,6 +66,7 @@ def test_an_instrument_is_turned_with_all_its_vectors(space):
     assert len(found) <= 1  # the rotation of both vectors, and not of one alone
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('angle', [0.031, 1.0, np.pi])
 def test_the_rotation_of_an_instrument_is_the_likeliest_one(space, angle):
     axis = np.array([2.0, -1.0, 2.0]) / 3.0

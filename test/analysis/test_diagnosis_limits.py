@@ -311,6 +311,7 @@ def test_in_a_short_recording_a_value_is_frozen_for_a_twentieth_of_it(run, found
     assert (rows is not None) is found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('frozen_from', [None, 60])
 def test_a_rounded_value_may_rest_where_the_model_expects_it(frozen_from):
     """A sensor of few bits repeats one value for 0.75 s; its driver does for 6 s, in motion."""

@@ -84,6 +84,7 @@ def test_the_noise_of_a_class_is_found_with_its_factor(model):
     assert diagnose(driven(model), proofs=False).findings == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('model', [Cart, Frozen, Periods])
 def test_the_model_is_multiplied_once_and_again(model):
     evidence = driven(model)

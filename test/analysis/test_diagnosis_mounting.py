@@ -73,6 +73,7 @@ def test_a_sensor_is_turned_as_a_whole(name):
     assert Examination(evidence(values)).passage.mean_square < 1.1
 
 
+@pytest.mark.slow
 def test_the_mounting_adds_to_a_known_one():
     values, known = turning(), np.radians([0.0, 0.0, 30.0])
     fields = ROBOT['imu.fields']
@@ -127,6 +128,7 @@ def test_an_axis_that_reads_a_part_of_another_is_named():
     assert float(words[4]) == pytest.approx(0.08, abs=0.01)
 
 
+@pytest.mark.slow
 def test_axes_of_a_lost_filter_are_exchanged():
     values = turning()
     values['imu'] = values['imu'][:, [1, 0, 2, 3, 4, 5]]

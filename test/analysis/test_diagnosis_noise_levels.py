@@ -28,6 +28,7 @@ def stated(findings):
     return [(each.kind, each.subject, each.gain) for each in findings]
 
 
+@pytest.mark.slow
 def test_one_change_stays_as_it_is(evidence):
     findings = [changed([0, 1, 2], [0.02, 0.05, 0.05], [0.002, 0.005, 0.005], 90.0)]
     assert noise_levels.restated(evidence, findings) == findings

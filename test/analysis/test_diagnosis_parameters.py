@@ -93,6 +93,7 @@ def recorded(base=1.4, radius=0.2, **configured):
     return replay(given, readings, none)
 
 
+@pytest.mark.slow
 def test_a_number_that_model_and_sensor_share_is_one():
     found = {each.name: each for each in parameters(recorded())}
     assert {*found} == {'base', 'lag', 'wheel.radius'}
@@ -119,6 +120,7 @@ def test_a_wrong_number_is_found_with_its_value(truth, name, keys):
     assert [nearer.change[key] for key in keys] == pytest.approx([true] * len(keys), rel=0.02)
 
 
+@pytest.mark.slow
 def test_what_is_right_is_not_contradicted():
     assert contradicted_parameters.find(Examination(recorded())) == []
 

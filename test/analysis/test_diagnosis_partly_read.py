@@ -41,6 +41,7 @@ def turned(angle, *, with_vector=True):
     return replace(changed, rerun=rerun)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('angle', [0.06, -0.1])
 def test_it_is_found_with_its_angle(angle):
     case = Examination(turned(angle))
@@ -58,10 +59,12 @@ def test_it_is_the_first_finding(monkeypatch):
     assert finding.change['imu.mount.rotation'] == pytest.approx([0.0, 0.0, 0.2], abs=0.02)
 
 
+@pytest.mark.slow
 def test_one_that_is_not_turned_is_not_found():
     assert not list(partly_read.find(Examination(turned(0.0))))
 
 
+@pytest.mark.slow
 def test_without_the_other_axis_there_is_nothing_to_compare():
     assert not list(partly_read.find(Examination(turned(0.2, with_vector=False))))
     evidence = turned(0.2)

@@ -81,11 +81,13 @@ def first(evidence):
     return diagnose(evidence, proofs=False).findings[0]
 
 
+@pytest.mark.slow
 def test_what_is_right_raises_nothing():
     inputs = pushes()
     assert diagnose(replayed(MASSES, inputs, places(moved(inputs)))).findings == ()
 
 
+@pytest.mark.slow
 def test_all_inputs_that_act_late_are_one_delay():
     inputs, lag = pushes(), 6
     acting = np.vstack((np.zeros((lag, 2)), inputs[:-lag]))
@@ -97,6 +99,7 @@ def test_all_inputs_that_act_late_are_one_delay():
     assert float(size) == pytest.approx(0.12, abs=0.001)
 
 
+@pytest.mark.slow
 def test_one_input_that_acts_late_is_named_alone():
     inputs, lag = pushes(), 6
     acting = inputs.copy()
@@ -105,6 +108,7 @@ def test_one_input_that_acts_late_is_named_alone():
     assert (found.kind, found.subject) == ('input delay', 'g')
 
 
+@pytest.mark.slow
 def test_a_dead_zone_below_every_command_is_found():
     inputs = pushes(least=3.0)
     acting = inputs - np.clip(inputs, -1.0, 1.0) * [1.0, 0.0]
@@ -113,6 +117,7 @@ def test_a_dead_zone_below_every_command_is_found():
     assert float(found.sentence.split()[2]) == pytest.approx(1.0, rel=0.05)
 
 
+@pytest.mark.slow
 def test_another_mass_is_the_row_of_its_speed():
     inputs = pushes()
     found = first(replayed(MASSES, inputs, places(moved(inputs, np.array([2.0, 5.0])))))
@@ -122,6 +127,7 @@ def test_another_mass_is_the_row_of_its_speed():
     assert f'the row of w in A and B: {share:.1f}'[:-1] in found.sentence
 
 
+@pytest.mark.slow
 def test_a_scale_beside_a_bias_that_is_followed_is_a_scale():
     inputs, rng = pushes() + np.array([9.0, 0.0]), np.random.default_rng(8)
     states = moved(inputs)
@@ -154,6 +160,7 @@ class Field(Sensor):
         return np.stack([np.cos(x[..., 2]), -np.sin(x[..., 2])], axis=-1)
 
 
+@pytest.mark.slow
 def test_a_bias_that_misleads_the_filter_is_no_walk():
     rng, inputs = np.random.default_rng(9), 2.0 * pushes()
     states = moved(inputs)
@@ -169,6 +176,7 @@ def test_a_bias_that_misleads_the_filter_is_no_walk():
     assert float(found.sentence.split(' by ')[1].split()[0]) == pytest.approx(0.4, abs=0.02)
 
 
+@pytest.mark.slow
 def test_gains_of_inputs_are_fitted_together():
     """Both carts are pushed by much the same force, so that each alone takes part of the blame."""
     inputs = pushes()
@@ -177,6 +185,7 @@ def test_gains_of_inputs_are_fitted_together():
     assert (found.kind, found.subject) in (('input gain', 'g'), ('parameter', 'B[7]'))
 
 
+@pytest.mark.slow
 def test_all_inputs_that_act_alike_have_one_gain():
     inputs = pushes()
     found = diagnose(replayed(MASSES, inputs, places(moved(inputs * 0.9))), proofs=False).findings
@@ -211,6 +220,7 @@ def growing(rng, place):
     return place + 0.0008 * DT * np.arange(len(place))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('fault', 'kind', 'noise', 'word', 'size', 'within'),
     [
@@ -255,6 +265,7 @@ def test_an_offset_is_fitted_again_about_what_was_corrected(kind):
     np.testing.assert_allclose(*read, atol=0.002 * shape.max())
 
 
+@pytest.mark.slow
 def test_noise_that_two_sensors_share_is_found_beside_what_hides_it():
     rng, inputs = np.random.default_rng(12), pushes()
     states, common = moved(inputs), np.random.default_rng(13).normal(size=(STEPS, 1))
@@ -266,6 +277,7 @@ def test_noise_that_two_sensors_share_is_found_beside_what_hides_it():
     assert (found.kind, found.subject) == ('correlated noise', 'left and right')
 
 
+@pytest.mark.slow
 def test_noise_that_is_in_common_in_two_coordinates():
     """Of opposite sign in one of them. What is left once it is independent is right."""
     rng, inputs = np.random.default_rng(15), pushes()
@@ -288,6 +300,7 @@ def test_noise_that_is_in_common_in_two_coordinates():
     assert after.passage.mean_square == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.slow
 def test_what_the_model_lacks_is_not_noise_in_common():
     """A force that nobody declared moves what both sensors read."""
     inputs = pushes()
@@ -303,6 +316,7 @@ def test_what_the_model_lacks_is_not_noise_in_common():
     assert findings and 'correlated noise' not in {each.kind for each in findings}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('alike', [0.0, 0.6, 0.9])
 def test_noise_in_common_of_sensors_whose_coordinates_are_correlated(alike):
     rng, inputs = np.random.default_rng(17), pushes()
@@ -323,6 +337,7 @@ def test_noise_in_common_of_sensors_whose_coordinates_are_correlated(alike):
     assert size == pytest.approx(0.5, abs=0.1) and found.gain > 300.0
 
 
+@pytest.mark.slow
 def test_a_push_on_one_of_several_inputs_is_named_alone():
     inputs = pushes()
     found = first(replayed(MASSES, inputs, places(moved(inputs + np.array([0.0, 0.5])))))
@@ -330,6 +345,7 @@ def test_a_push_on_one_of_several_inputs_is_named_alone():
     assert float(found.sentence.split()[2]) == pytest.approx(0.5, abs=0.02)
 
 
+@pytest.mark.slow
 def test_readings_of_a_slow_process_are_exchanged():
     """Two tanks that each keep their level, so that the filter believes what it reads."""
     rng, inputs = np.random.default_rng(14), np.zeros((STEPS, 2))
@@ -345,6 +361,7 @@ def test_readings_of_a_slow_process_are_exchanged():
     assert 'first and second are exchanged' in found.sentence
 
 
+@pytest.mark.slow
 def test_what_an_input_loses_at_all_times_is_no_dead_zone():
     given = pushes() + np.array([7.0, 0.0])  # the first one is never near zero
     case = Examination(replayed(MASSES, given, places(moved(given - np.array([0.6, 0.0])))))
@@ -365,6 +382,7 @@ def test_a_sine_is_corrected_where_inputs_follow_it(every, count):
     assert len([finding for finding in found if 'at 0.4' in finding.sentence]) == count
 
 
+@pytest.mark.slow
 def test_noise_that_is_correlated_in_time_hides_no_offset():
     rng, inputs = np.random.default_rng(11), pushes()
     states = moved(inputs)
@@ -376,6 +394,7 @@ def test_noise_that_is_correlated_in_time_hides_no_offset():
     assert any(each.kind in offsets and each.subject == 'scale' for each in findings)
 
 
+@pytest.mark.slow
 def test_a_scale_with_the_declared_noise_is_compared_with_a_bias():
     """Of a speed that hardly changes, only a scale that leaves the noise alone fits as well."""
     noise, factor, force = 0.1, 0.8, 6.0 + np.sin(0.7 * DT * np.arange(STEPS))
@@ -389,6 +408,7 @@ def test_a_scale_with_the_declared_noise_is_compared_with_a_bias():
     assert found.change['speed.noise'] == pytest.approx([noise], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_step_of_a_bias_that_the_estimator_follows():
     """The likeliest constant takes a part of the step with it."""
     followed = Injection(estimator={'velocity.bias_std': [0.1]})
@@ -405,6 +425,7 @@ def test_a_step_of_a_bias_that_the_estimator_follows():
     assert np.median(mended[late]) == pytest.approx(np.median(mended[~late]), abs=0.05)
 
 
+@pytest.mark.slow
 def test_a_step_is_no_stretch():
     spring = recorded('mass_spring_damper', None, 20.0, 3)
     record = spring.sensors['velocity']

@@ -60,6 +60,7 @@ def test_a_part_is_enough(robot, monkeypatch):
     assert part.gain == pytest.approx(whole.gain, rel=0.35)
 
 
+@pytest.mark.slow
 def test_a_time_beyond_the_regression_of_a_known_rate_is_found():
     spring = recorded('mass_spring_damper', None, 20.0, 3)
     found = lateness.hidden(Examination(later(spring, 'position', 1.5)))
@@ -68,6 +69,7 @@ def test_a_time_beyond_the_regression_of_a_known_rate_is_found():
     assert seconds(best) == pytest.approx(1.5, abs=0.05)
 
 
+@pytest.mark.slow
 def test_right_stamps_are_not_doubted(robot):
     assert lateness.hidden(Examination(robot)) == []
 

@@ -23,6 +23,7 @@ def evidence_of(std, noise=1.0):
     return evidence.with_values('position', value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('std', [0.15, 0.3])
 def test_they_are_found_with_their_spread(std):
     case = Examination(evidence_of(std))
@@ -38,10 +39,12 @@ def test_they_are_found_with_their_spread(std):
     assert case.passage.misfit - after.passage.misfit > 0.7 * finding.gain > 30.0
 
 
+@pytest.mark.slow
 def test_right_stamps_are_not_found():
     assert not list(uneven_stamps.find(Examination(evidence_of(0.0))))
 
 
+@pytest.mark.slow
 def test_a_smooth_error_of_time_is_not_found():
     evidence = evidence_of(0.0)
     record, beliefs = evidence.sensors['position'], evidence.beliefs

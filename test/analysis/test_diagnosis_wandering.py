@@ -127,6 +127,7 @@ def test_the_likelihood_of_noise_that_is_correlated_in_time(time):
     assert found.misfit == pytest.approx(misfit(readings, 0.0, time), rel=1e-10)
 
 
+@pytest.mark.slow
 def test_smaller_noise_that_stays_white_is_the_simpler_cause():
     readings = recorded(200, density=0.0)
     for k in range(0, 200, 2):
@@ -148,6 +149,7 @@ def test_smaller_noise_that_stays_white_is_the_simpler_cause():
     assert found < 1.5 * gain
 
 
+@pytest.mark.slow
 def test_the_likeliest_time_of_noise_is_found():
     """At some of the trial times, of which the best ones have neighbours."""
     rng, time, count = np.random.default_rng(5), 2.0, 600

@@ -39,6 +39,7 @@ def test_a_single_outlier_is_no_beginning():
     assert begins(excess) is None
 
 
+@pytest.mark.slow
 def test_the_part_begins_with_the_fault_and_shows_it(late):
     part, begin, end = first_look.part(late)
     assert begin == pytest.approx(30.0, abs=2.0)

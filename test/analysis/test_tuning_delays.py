@@ -69,6 +69,7 @@ def _turning(time):
     return np.array([0.2 * np.sin(time), 0.0, 0.6, 0.0, 0.0, 9.80665])
 
 
+@pytest.mark.slow
 def test_an_orientation_is_turned_back_by_its_delay():
     """Near half a turn about the vertical, where numbers of an orientation jump."""
     begin = [0.0] * 5 + [3.0] + [0.0] * 9

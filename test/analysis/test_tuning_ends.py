@@ -120,6 +120,7 @@ def level(q=1000.0, r=10_000.0):
     return kr.discrete_model([[1.0]], Q=[[q]]), ([[1.0]], [[r]])
 
 
+@pytest.mark.slow
 def test_a_noise_too_small_to_show_has_an_end_above():
     readings = 100.0 + 30.0 * np.random.default_rng(1).normal(size=100)
     found = kr.tune(level, readings=readings, initial='diffuse')

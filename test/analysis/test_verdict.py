@@ -56,6 +56,7 @@ def test_a_linear_loop_is_judged_by_theory():
     assert 'cost J' in {check.name for check in judgement.checks}
 
 
+@pytest.mark.slow
 def test_a_loop_with_an_estimate_at_few_steps_is_judged_by_consistency():
     """In real time an estimate follows a reading: at one step in five, of this scenario."""
     built = scenario.build({'model': 'linear'})

@@ -13,6 +13,7 @@ def many():
     return kr.monte_carlo(runs=120, seconds=12, seed=4)
 
 
+@pytest.mark.slow
 def test_errors_and_cost_are_those_of_theory(many):
     expected = theory(kr.load('mass_spring_damper_2d'))
     std = np.sqrt(expected.loop.posterior.diagonal(axis1=1, axis2=2).mean(axis=0))

@@ -25,6 +25,7 @@ def test_a_run_is_that_of_the_closed_loop():
     assert all(len(line) < 80 for line in str(run).splitlines())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('law', ['lqr', 'lqi', 'placement'])
 def test_a_reference_is_held(law):
     loop = {'law': law}
@@ -111,6 +112,7 @@ def test_a_gain_of_ones_own():
     np.testing.assert_allclose(run.input, kr.simulate('cart_pole', seconds=1).input, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_scenario_of_objects():
     model = kr.continuous_model([[0, 1], [0, 0]], [0, 1], [0, 0.01], states=['x', 'v'])
     sensors = {'gps': ([1, 0], 0.01), 'speed': ([0, 1], 0.04)}

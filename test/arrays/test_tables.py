@@ -312,6 +312,7 @@ def test_a_belief_about_other_states_is_refused(mean):
         kr.make_scenario(NAMED, ([1, 0], 0.1), rate=10, initial=(mean, 1.0))
 
 
+@pytest.mark.slow
 def test_a_run_is_a_table_of_truth_estimate_and_inputs():
     pytest.importorskip('pandas')
     run = kr.simulate('mass_spring_damper', seconds=0.5)

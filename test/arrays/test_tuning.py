@@ -27,6 +27,7 @@ def nile():
         return np.array([float(row['flow']) for row in csv.DictReader(file)])
 
 
+@pytest.mark.slow
 def test_the_nile_has_the_noise_of_durbin_and_koopman():
     flow = nile()
     # a first belief that says nothing, as theirs
@@ -47,6 +48,7 @@ def gaps(flow):
     return missing
 
 
+@pytest.mark.slow
 def test_the_nile_from_a_diffuse_start_has_the_published_likelihood():
     """That of R's KFAS (J. Helske, J. Statistical Software 78(10), 2017) and of statsmodels."""
     flow = nile()
@@ -62,6 +64,7 @@ def test_the_nile_from_a_diffuse_start_has_the_published_likelihood():
     assert by_scenario.log_likelihood[1] == pytest.approx(-632.54563, abs=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('kind', 'start'), [('llevel', (15099.0, 1469.1)), ('lltrend', (1e4, 1e3, 10.0))]
 )

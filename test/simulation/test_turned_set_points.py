@@ -37,6 +37,7 @@ def slowest(found, held, gains):
     return np.abs(np.linalg.eigvals(step.F - step.G @ gains)).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('law', 'near', 'far'),
     [('lqr', 0.15, 5.0), ('mpc', 0.15, 5.0), ('lqi', 0.15, 5.0), ('placement', 0.3, 10.0)],
@@ -121,6 +122,7 @@ def moved(found, first, last):
     return motion_of(found, in_time(found, (0, 1, 2), np.array([0.0, 5.0]), values))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('law', ['lqr', 'mpc', 'lqi', 'placement'])
 def test_it_stays_where_a_motion_ends_and_follows_one_from_a_set_point(law):
     found = built(law)
