@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -51,6 +50,8 @@ class Ahead:
         self._row = np.zeros(len(now), dtype=int)
         #: Readings by the index of their message, that were decoded one by one.
         self.known: dict[int, Reading] = {}
+        #: Indices of the messages that cannot be decoded.
+        self.undecodable: set[int] = set()
         #: Decoded messages of each sensor.
         self.readings: list[Readings] = []
         places: dict[str, list[int]] = {}
@@ -97,12 +98,15 @@ class Ahead:
         """Return the readings of messages that are decoded one by one, with their places."""
         R, usable = source.sensor.covariance, []
         for index in at if channel.is_settled else ():
-            with suppress(UndecodableError):
+            try:
                 reading = self.known[index] = channel.read(self._messages[index].data, source)
-                C = reading.covariance
-                sound = C is None or is_covariance(C, len(R))
-                if reading.refused is None and reading.values.shape == R.shape[:1] and sound:
-                    usable.append(index)
+            except UndecodableError:
+                self.undecodable.add(index)
+                continue
+            C = reading.covariance
+            sound = C is None or is_covariance(C, len(R))
+            if reading.refused is None and reading.values.shape == R.shape[:1] and sound:
+                usable.append(index)
         read = [self.known[index] for index in usable]
         carried = (reading.covariance for reading in read)
         matrices = [R if C is None else C for C in carried]

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 from kalman_ros.codecs.messages import UndecodableError, full_type, message_type, nanoseconds
@@ -234,11 +234,14 @@ class Feed:
                 at, wait = at + taken, pause
                 continue
             reading, message = ahead.known.get(at), messages[at]
-            if reading is None:
+            if reading is None and at not in ahead.undecodable:
                 self(message)
             else:
                 self._received = self._now = message.time
-                self._fuse(ahead.name(message.topic), reading)
+                if reading is None:
+                    self._intake.drop_undecodable(message.topic, message.data)
+                else:
+                    self._fuse(ahead.name(message.topic), reading)
             at, wait = at + 1, wait - 1
 
     def _take_first(self, ahead: Ahead, at: int) -> int:
@@ -296,6 +299,17 @@ class Feed:
         topic = self._resolve(self.settings.scenario.sensors[name].signal.topic)
         return self._intake.dropped(topic)
 
+    def lost_inputs(self) -> Iterator[str]:
+        """Yield a sentence about each reason for which inputs did not act."""
+        if not self.settings.scenario.model.input.size:
+            return
+        topic = self._resolve(self.settings.scenario.input.topic)
+        for outcome, number in self._refused_inputs().items():
+            yield f'{topic}: {number} {outcome.value}'
+        dropped = self._intake.dropped(topic)
+        if dropped:
+            yield f'{topic}: {dropped} dropped: not decodable, or too long'
+
     # --- in real time -------------------------------------------------------------------------
 
     def _on_reading(self, name: str, data: bytes) -> None:
@@ -317,11 +331,17 @@ class Feed:
         sample = self.fuser.read_input(data)
         if sample is None:
             return
-        now = self._now
+        now, refused = self._now, sum(self._refused_inputs().values())
         stamp = sample.time or now
         self.fuser.fuse([Received(stamp, self.fuser.input, sample)], now or None)
-        start = stamp if self.start is None else self.start
-        self.inputs.add(seconds(now, start), seconds(stamp, start), sample.values)
+        if sum(self._refused_inputs().values()) == refused:
+            start = stamp if self.start is None else self.start
+            self.inputs.add(seconds(now, start), seconds(stamp, start), sample.values)
+
+    def _refused_inputs(self) -> dict[Outcome, int]:
+        """Return the numbers of inputs that never acted; a repeated one does already."""
+        usual = (Outcome.FUSED, Outcome.DUPLICATE)
+        return {o: number for o, number in self.fuser.inputs.items() if o not in usual}
 
     def _on_clock(self, data: bytes) -> None:
         clock = nanoseconds(decoded(data, message_type('rosgraph_msgs/Clock')).clock)

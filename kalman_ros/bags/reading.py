@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
-from math import inf, isfinite
+from math import inf
 from pathlib import Path
 
 from kalman_ros.core.named_options import nearest
@@ -23,6 +23,8 @@ _KINDS: dict[str, Callable[[Path, Budget], Source]] = {
 }
 #: Number of topics that are named in a message.
 _NAMED = 6
+#: Seconds that no recording lasts.
+_FOREVER = 1e9
 
 
 class Bag:
@@ -119,8 +121,8 @@ class Bag:
         """
         if not 0.0 <= start < end:
             raise ValueError(f'part: expected 0 <= start < end, got {start:g} and {end:g}')
-        first = self.start + round(start * 1e9) if start else -inf
-        return first, self.start + round(end * 1e9) if isfinite(end) else inf
+        first, last = (self.start + round(t * 1e9) if t < _FOREVER else inf for t in (start, end))
+        return first if start else -inf, last
 
     def messages(
         self, topics: Collection[str], start: float = -inf, end: float = inf

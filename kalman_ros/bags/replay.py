@@ -200,7 +200,7 @@ def replay_bag(
         true_poses=known.result(feed.start) if isinstance(known, PoseReader) else None,
         against=None if other is None else other.result(feed.start),
         frame=feed.settings.options.frame,
-        notes=(*bag.damage, *feed.notes),
+        notes=(*bag.damage, *feed.notes, *feed.lost_inputs()),
         arithmetic=feed.fuser.arithmetic,
     )
 

@@ -11,9 +11,10 @@ import numpy.typing as npt
 from kalman_ros.analysis.records import Beliefs
 from kalman_ros.core import Array, Gaussian, unchecked
 from kalman_ros.estimators.diffuse import Diffuse
+from kalman_ros.estimators.filter import SmoothableFilter
 from kalman_ros.estimators.instants import Instants
 from kalman_ros.estimators.online import OnlineEstimator
-from kalman_ros.estimators.smoother import Filtered, smoothed_back
+from kalman_ros.estimators.smoother import Filtered, smoothed_back, unsmoothable
 from kalman_ros.estimators.timeline import Item
 
 from .collecting import BeliefColumns, seconds
@@ -31,9 +32,16 @@ class FinalBeliefs:
         The estimator.
     inputs
         Number of inputs.
+
+    Raises
+    ------
+    ValueError
+        If the filter cannot be smoothed.
     """
 
     def __init__(self, online: OnlineEstimator, inputs: int) -> None:
+        if not isinstance(online.filter, SmoothableFilter):
+            raise ValueError(f'filter: {unsmoothable()}')
         n = len(online.belief.mean)
         self._rows = Rows(moment=(2,), mean=(n,), covariance=(n, n), input=(inputs,))
         self._instants = Instants()

@@ -110,7 +110,7 @@ class FixedLagSmoother:
     def _between(self, step: Filtered, filter: object) -> StepBack | None:
         """Return the step back from ``step`` to the one before; None if there is none."""
         if not isinstance(filter, SmoothableFilter):
-            raise ValueError(f'fixed_lag: {unsmoothable(filter)}')
+            raise ValueError(f'fixed_lag: {unsmoothable()}')
         try:
             back = step_back(filter, self._steps[-1], step)
         except np.linalg.LinAlgError:

@@ -91,7 +91,7 @@ def smoothed_back(filter: object, steps: Iterable[Filtered]) -> Iterator[Gaussia
         In the same cases as `smooth`.
     """
     if not isinstance(filter, SmoothableFilter):
-        raise ValueError(f'filter: {unsmoothable(filter)}')
+        raise ValueError(f'filter: {unsmoothable()}')
     space: Space = filter.model.state
     later: Filtered | None = None
     change: Change | None = None
@@ -107,11 +107,10 @@ def smoothed_back(filter: object, steps: Iterable[Filtered]) -> Iterator[Gaussia
         yield smoothed
 
 
-def unsmoothable(filter: object) -> str:
-    """Return the reason why the beliefs of a filter cannot be smoothed."""
+def unsmoothable() -> str:
+    """Return the reason why the beliefs of other filters cannot be smoothed."""
     names = [name for name in FILTERS if issubclass(filter_class(name), SmoothableFilter)]
-    expected = f'expected the beliefs of one of ({", ".join(names)})'
-    return f'{expected}, got those of a {type(filter).__name__}'
+    return f'expected one of ({", ".join(names)}), whose beliefs can be smoothed'
 
 
 class Change(NamedTuple):

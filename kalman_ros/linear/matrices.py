@@ -115,7 +115,8 @@ def is_finite(values: Array) -> bool:
     """
     flat = values.ravel('K')  # in memory order
     # a longer dot product has threads, which wait for a busy processor
-    return isfinite(flat.dot(flat) if flat.size < _THREADED else np.einsum('i,i', flat, flat))
+    # vdot, since dot warns of an overflow
+    return isfinite(np.vdot(flat, flat) if flat.size < _THREADED else np.einsum('i,i', flat, flat))
 
 
 @lru_cache(maxsize=64)

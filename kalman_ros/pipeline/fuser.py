@@ -216,6 +216,7 @@ class Fuser:
             self.warn(f'{self.scenario.input.topic} {error.outcome.value}: {error}')
             return None
         except (LookupError, ValueError) as error:
+            self.inputs[Outcome.WRONG_SIZE] += 1
             self.warn(f'{self.scenario.input.topic}: {error}')
             return None
         return sample

@@ -43,8 +43,12 @@ class Intake:
         try:
             return read(data)
         except UndecodableError:
-            self._drop('undecodable', topic, data)
+            self.drop_undecodable(topic, data)
             return None
+
+    def drop_undecodable(self, topic: str, data: bytes) -> None:
+        """Drop a message that is known to be undecodable."""
+        self._drop('undecodable', topic, data)
 
     def newest(
         self, topic: str, read: Callable[[bytes], T], messages: Sequence[bytes]

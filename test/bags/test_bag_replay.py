@@ -26,7 +26,7 @@ from kalman_ros.bags.recording_writer import RecordingWriter
 from kalman_ros.bags.replay import _out_of_step, estimator_settings, replay, replay_bag
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.tick import write_tick
-from kalman_ros.programs.replay import program, statistics, tables
+from kalman_ros.programs.replay import pictures, program, statistics, tables
 
 GYRO = ['angular_velocity.x', 'angular_velocity.y']
 START = 1_700_000_000_000_000_000
@@ -153,11 +153,44 @@ def test_messages_that_are_none_are_counted(tmp_path):
     assert found.sensors['y'].fused == 1
 
 
+def test_inputs_that_never_acted_are_counted_and_not_listed(tmp_path):
+    lost = [(3 * 10**7, 3 * 10**7, None, [np.nan]), (4 * 10**7, 4 * 10**7, None, [np.inf])]
+    broken = [('/input', 5 * 10**7, b'\0\1\0\0xx')]
+    found = replay(recorded(tmp_path / 'a', [*ARRIVALS[:2], *lost], extra=broken), VALUES)
+    assert found.inputs.value.tolist() == [[0.5]]
+    assert found.notes == (
+        '/input: 2 dropped: not finite', '/input: 1 dropped: not decodable, or too long'
+    )  # fmt: skip
+
+
+def test_inputs_of_another_size_are_counted(tmp_path):
+    found = replay(recorded(tmp_path / 'a', ARRIVALS[:2]), {**VALUES, 'input.fields': ['data[3]']})
+    assert len(found.inputs.value) == 0
+    assert found.notes == ('/input: 1 dropped: wrong size',)
+
+
+@pytest.mark.parametrize(
+    ('changes', 'drawn'), [({}, True), ({'y.enabled': False, 'sensors': ['y']}, False)]
+)
+@pytest.mark.slow
+def test_what_no_picture_can_show_is_left_out(changes, drawn, tmp_path):
+    arrivals = [(k * 10**7, k * 10**7, 'y', [0.1, 1e308 if k == 5 else 0.2]) for k in range(30)]
+    acting = [(10**7, 10**7, None, [0.5])]
+    bag = recorded(tmp_path / 'a', sorted([*arrivals, *acting], key=lambda row: row[0]))
+    found = replay(bag, {**VALUES, **changes})
+    paths = pictures.draw_all(found, tmp_path)
+    assert all(path.stat().st_size > 1000 for path in paths)
+    assert ('delays.png' in [path.name for path in paths]) == drawn
+
+
 def test_a_part_of_the_recording(tmp_path):
     record(tmp_path / 'a', VALUES, 2.0)
     found = replay(tmp_path / 'a', VALUES, start=0.5, end=1.0)
     assert len(found.sensors['y'].stamp) == 51
     assert found.sensors['y'].received[0] == pytest.approx(0.5)
+    assert len(replay(tmp_path / 'a', VALUES, end=1e300).sensors['y'].stamp) == 200
+    with pytest.raises(ValueError, match='nothing could be replayed'):
+        replay(tmp_path / 'a', VALUES, start=1e300)
     for wrong in ((1.0, 1.0), (-1.0, 2.0)):
         with pytest.raises(ValueError, match='part: expected 0 <= start < end'):
             replay(tmp_path / 'a', VALUES, start=wrong[0], end=wrong[1])
@@ -218,7 +251,7 @@ def test_smoothing_by_way_of_the_disk_gives_the_same_bytes(tmp_path, monkeypatch
 
 def test_a_filter_that_has_no_smoother_says_so(tmp_path):
     record(tmp_path / 'a', VALUES, 1.0)
-    with pytest.raises(ValueError, match='filter: expected the beliefs of one of'):
+    with pytest.raises(ValueError, match='filter: expected one of'):
         replay(tmp_path / 'a', {**VALUES, 'filter': 'steady_state'}, smooth=True)
 
 

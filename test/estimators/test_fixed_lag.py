@@ -312,7 +312,7 @@ def test_a_filter_that_cannot_be_smoothed_is_refused():
     space, steps = random_steps(0, 5)
     smoother = FixedLagSmoother(space, 1.0)
     assert list(smoother.add(steps[0][0], steps[0][1])) == []
-    with pytest.raises(ValueError, match='fixed_lag: expected the beliefs of one of'):
+    with pytest.raises(ValueError, match='fixed_lag: expected one of'):
         list(smoother.add(steps[1][0], object()))
 
 

@@ -242,7 +242,7 @@ def test_filters_whose_gains_are_not_optimal_are_refused(filter):
         model, ([1, 0], 1.0), np.arange(5.0), np.ones(5), initial=([0, 0], 1), filter=filter,
         options={'observer_poles': [-0.4, -0.5]} if filter == 'luenberger' else None,
     )  # fmt: skip
-    with pytest.raises(ValueError, match=r'filter: expected the beliefs of one of \(kf, ekf, ukf'):
+    with pytest.raises(ValueError, match=r'filter: expected one of \(kf, ekf, ukf'):
         kr.smooth(found)
     with pytest.raises(ValueError, match=r'estimates: expected what kr.filter returns, got \(\)'):
         kr.smooth(())

@@ -290,7 +290,7 @@ def test_smoothed_estimates_have_the_states_of_the_model_alone(pair):
 
 
 def test_what_cannot_be_smoothed_is_refused_at_the_start(pair):
-    with pytest.raises(ValueError, match='fixed_lag: expected the beliefs of one of'):
+    with pytest.raises(ValueError, match='fixed_lag: expected one of'):
         pair(EstimatorNode, fixed_lag='1.0', filter='luenberger')
 
 

@@ -34,7 +34,7 @@ class SmoothedPublisher:
         self, node: Host, scenario: Scenario, options: EstimatorOptions, online: OnlineEstimator
     ) -> None:
         if not isinstance(online.filter, SmoothableFilter):
-            raise ValueError(f'fixed_lag: {unsmoothable(online.filter)}')
+            raise ValueError(f'fixed_lag: {unsmoothable()}')
         self._smoother = FixedLagSmoother(online.filter.model.state, options.fixed_lag)
         self._instants, self._believed = Instants(), scenario.believed
         signal = smoothed_signal(scenario.state)

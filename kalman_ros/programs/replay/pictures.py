@@ -12,6 +12,7 @@ from matplotlib.ticker import MaxNLocator
 
 from kalman_ros.analysis.checks import MISS
 from kalman_ros.bags.replayed import Replayed
+from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.report.style import (
     BOUND,
     ESTIMATE,
@@ -36,7 +37,9 @@ _RUNNING = 50
 
 def draw_all(replayed: Replayed, folder: Path) -> list[Path]:
     """Draw every picture into ``folder`` and return their paths."""
-    pictures = {'states.png': states, 'delays.png': delays}
+    pictures = {'states.png': states}
+    if replayed.sensors:
+        pictures['delays.png'] = delays
     if any(np.isfinite(sensor.nis).any() for sensor in replayed.sensors.values()):
         pictures.update({'innovations.png': innovations, 'consistency.png': consistency})
     if plane(replayed.scenario.model.state) is not None:
@@ -83,13 +86,13 @@ def states(replayed: Replayed, path: Path) -> None:
 
 
 def _readings(replayed: Replayed, name: str, axis: Any) -> None:
-    """Draw the readings of the sensors that read a state as it is."""
+    """Draw the readings of the sensors that read a state as it is, but not those dropped."""
     label: str | None = 'reading'
     for sensor_name, sensor in replayed.sensors.items():
         outputs = replayed.scenario.sensors[sensor_name].sensor.output.names
         if name in outputs and len(sensor.stamp):
-            part = _every_kth(len(sensor.stamp))
-            values = sensor.value[part, outputs.index(name)]
+            part, known = _every_kth(len(sensor.stamp)), sensor.outcome != Outcome.NOT_FINITE.name
+            values = np.where(known, sensor.value[:, outputs.index(name)], np.nan)[part]
             axis.plot(sensor.stamp[part], values, '.', ms=2.0, color=READING, label=label)
             label = None
 
