@@ -67,6 +67,7 @@ class FrameGuard:
             return ''
         frame, end = frame_and_end(data, of_child=self._of_child)
         if not frame:
+            self.accepted = data[FRAME_START:end]
             return ''
         if self._frame is None:
             self._frame = frame

@@ -43,7 +43,7 @@ CASES = [
     ('diff_drive', {'imu.bias_std': [0.1]}, Injection({'imu': {'dropout': 0.1}}), 0.0),
     ('gnss_imu', {'arithmetic': 'c'}, Injection({'gnss': {'delay': 0.1}}), 0.5),
     ('gnss_imu', {'imu.covariance_from': 'message'}, Injection(), 0.5),
-    ('robot_3d', {}, Injection(), 0.0),
+    ('robot_3d', {}, Injection(), 0.9),
     ('mass_spring_damper_2d', {'arithmetic': 'c', 'filter': 'kf'}, Injection(), 0.3),
 ]
 

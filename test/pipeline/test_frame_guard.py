@@ -11,6 +11,7 @@ from sensor_msgs.msg import Imu
 from std_msgs.msg import Float64MultiArray
 
 from kalman_ros.bags.replay import estimator_settings
+from kalman_ros.codecs.messages import FRAME_START
 from kalman_ros.core import Signal
 from kalman_ros.core.mount import Mounting, mounting
 from kalman_ros.estimators.outcome import Outcome
@@ -122,3 +123,14 @@ def test_an_input_of_no_declared_frame_is_used_whatever_its_frame():
     assert said == [
         "input: frame 'imu_link' is taken for base_link; declare frame and mount to be sure"
     ]
+
+
+def test_messages_without_a_child_frame_are_known_by_their_bytes():
+    check, said = guard(Odometry, TWIST)
+    empty = message(Odometry, 'odom')
+    assert not check(empty)
+    assert empty.startswith(check.accepted, FRAME_START)
+    assert not check(message(Odometry, 'odom', 'wheels')) and len(said) == 1
+    assert check(message(Odometry, 'odom', 'arm')) == "expected frame 'wheels', got 'arm'"
+    assert not check(empty)
+    assert check(message(Odometry, 'odom', 'arm'))
