@@ -17,8 +17,10 @@ from kalman_ros.scenario import SensorSource
 
 from .blocks import Message
 
-#: Source of a message that cannot be taken with others.
+#: Source of a delivery that cannot be taken with others.
 _ALONE = -1
+#: Readers of a message that is not decoded ahead.
+_OTHER = ('',)
 
 
 class Ahead:
@@ -31,7 +33,8 @@ class Ahead:
     fuser
         Their fuser, the readers of which decode them.
     sensors, input
-        Topic of each sensor, and of the input; '' for one that is not decoded ahead.
+        Topic of each sensor, which several may share, and of the input; '' for one that is not
+        decoded ahead.
     longest
         Longest message that is decoded, in bytes.
     """
@@ -44,25 +47,36 @@ class Ahead:
         input: str,
         longest: int,
     ) -> None:
-        self._messages, self._names = messages, {topic: name for name, topic in sensors.items()}
-        now = np.array([message.time for message in messages], dtype=np.int64)
+        readers: dict[str, list[str]] = {}
+        for name, topic in sensors.items():
+            readers.setdefault(topic, []).append(name)
+        #: Each message, once for each sensor that reads it; '' for the readers of any other.
+        self.deliveries = [
+            (message, name)
+            for message in messages
+            for name in (
+                readers.get(message.topic, _OTHER) if len(message.data) <= longest else _OTHER
+            )
+        ]
+        now = np.array([message.time for message, _ in self.deliveries], dtype=np.int64)
         self._time, self._source = now.copy(), np.full(len(now), _ALONE)
         self._row = np.zeros(len(now), dtype=int)
-        #: Readings by the index of their message, that were decoded one by one.
+        #: Readings by the index of their delivery, that were decoded one by one.
         self.known: dict[int, Reading] = {}
-        #: Indices of the messages that cannot be decoded.
+        #: Indices of the deliveries that cannot be decoded.
         self.undecodable: set[int] = set()
         #: Decoded messages of each sensor.
         self.readings: list[Readings] = []
-        places: dict[str, list[int]] = {}
-        for at, message in enumerate(messages):
-            if len(message.data) <= longest:
-                places.setdefault(message.topic, []).append(at)
-        for index, (name, topic) in enumerate(sensors.items()):
+        places: dict[str, list[int]] = {name: [] for name in sensors}
+        acting = []
+        for at, (message, name) in enumerate(self.deliveries):
+            if name:
+                places[name].append(at)
+            elif message.topic == input and len(message.data) <= longest:
+                acting.append(at)
+        for index, name in enumerate(sensors):
             channel, source = fuser.channels[name], fuser.scenario.sensors[name]
-            readings = self._read(channel, source, places.get(topic, []), index)
-            self.readings.append(readings)
-        acting = places.get(input, [])
+            self.readings.append(self._read(channel, source, places[name], index))
         samples = fuser.input.read_all(self._data(acting)) if acting else None
         self.inputs = np.empty((0, fuser.scenario.model.input.size))
         if samples is not None:
@@ -70,11 +84,11 @@ class Ahead:
             self.inputs = samples.values
         values = [*(readings.values for readings in self.readings), self.inputs]
         covariances = [readings.covariance for readings in self.readings]
-        #: All messages; the source of one that cannot be taken with others is negative.
+        #: All deliveries; the source of one that cannot be taken with others is negative.
         self.arrivals = Arrivals(self._time, now, self._source, self._row, values, covariances)
 
     def _data(self, at: Sequence[int]) -> list[bytes]:
-        return [self._messages[index].data for index in at]
+        return [self.deliveries[index][0].data for index in at]
 
     def _place(self, at: Sequence[int], source: int, time: Any) -> None:
         """Enter the messages of a source at their places, with stamps if they have them."""
@@ -99,7 +113,7 @@ class Ahead:
         R, usable = source.sensor.covariance, []
         for index in at if channel.is_settled else ():
             try:
-                reading = self.known[index] = channel.read(self._messages[index].data, source)
+                reading = self.known[index] = channel.read(self._data([index])[0], source)
             except UndecodableError:
                 self.undecodable.add(index)
                 continue
@@ -119,11 +133,13 @@ class Ahead:
         )
         return usable, readings
 
-    def name(self, topic: str) -> str:
-        """Return the name of the sensor of a topic."""
-        return self._names[topic]
+    def next_message(self, at: int) -> int:
+        """Return the index of the first delivery of the message behind that of one."""
+        message = self.deliveries[at][0]
+        behind = range(at + 1, len(self.deliveries))
+        return next((k for k in behind if self.deliveries[k][0] is not message), behind.stop)
 
     def first(self, begin: int, most: int) -> Arrivals:
-        """Return the messages from one on, up to one that cannot be taken with others."""
+        """Return the deliveries from one on, up to one that cannot be taken with others."""
         alone = self.arrivals.source[begin : begin + most] == _ALONE
         return self.arrivals.some(slice(begin, begin + int(np.argmax(np.append(alone, True)))))

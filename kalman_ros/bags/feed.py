@@ -176,21 +176,17 @@ class Feed:
     def _find_topics_ahead(self) -> tuple[dict[str, str], str]:
         """Return the topics that are decoded ahead, of each sensor and of the input.
 
-        They are read by nothing else; '' stands for others.
+        They are read by sensors alone, or by the input alone; '' stands for others.
         """
         scenario, resolve = self.settings.scenario, self._resolve
+        acting = resolve(scenario.input.topic) if scenario.model.input.size else ''
         others = {TF, STATIC, *map(resolve, POSES)}
-
-        def alone(topic: str) -> str:
-            single = len(self._readers.get(topic, ())) == 1 and topic not in others
-            return topic if single else ''
-
-        enabled = scenario.enabled
-        topics = {
-            name: alone(resolve(enabled[name].signal.topic)) if name in enabled else ''
-            for name in self.online.sensors
-        }
-        return topics, alone(resolve(scenario.input.topic)) if scenario.model.input.size else ''
+        topics = dict.fromkeys(self.online.sensors, '')
+        for name, source in scenario.enabled.items():
+            topic = resolve(source.signal.topic)
+            topics[name] = '' if topic in others or topic == acting else topic
+        single = len(self._readers.get(acting, ())) == 1 and acting not in others
+        return topics, acting if single else ''
 
     def _look_at_frames(self, bag: Bag) -> None:
         """Take the transforms, by which poses in other frames are transformed."""
@@ -227,22 +223,31 @@ class Feed:
             messages, self.fuser, self._topics_ahead, self._input_ahead, self._intake.longest
         )
         at = wait = pause = 0
-        while at < len(messages):
-            if not wait:
-                taken = self._take_first(ahead, at)
-                pause = 0 if taken >= _WORTH_IT else min(2 * pause + 1, _LONGEST_PAUSE)
-                at, wait = at + taken, pause
+        while at < len(ahead.deliveries):
+            if wait:
+                at, wait = self._take_one(ahead, at), wait - 1
                 continue
-            reading, message = ahead.known.get(at), messages[at]
-            if reading is None and at not in ahead.undecodable:
-                self(message)
-            else:
-                self._received = self._now = message.time
-                if reading is None:
-                    self._intake.drop_undecodable(message.topic, message.data)
-                else:
-                    self._fuse(ahead.name(message.topic), reading)
-            at, wait = at + 1, wait - 1
+            taken = self._take_first(ahead, at)
+            pause = 0 if taken >= _WORTH_IT else min(2 * pause + 1, _LONGEST_PAUSE)
+            at, wait = at + taken, pause
+
+    def _take_one(self, ahead: Ahead, at: int) -> int:
+        """Take a message for one of its sensors, or for all others; return what is next."""
+        message, name = ahead.deliveries[at]
+        if not name:
+            self(message)
+            return at + 1
+        self._received = self._now = message.time
+        dropped = self._intake.dropped(message.topic)
+        if at in ahead.known:
+            self._fuse(name, ahead.known[at])
+        elif at in ahead.undecodable:
+            self._intake.drop_undecodable(message.topic, message.data)
+        else:
+            self._intake(message.topic, partial(self._on_reading, name), message.data)
+        # what one sensor cannot decode is not passed to the next
+        lost = self._intake.dropped(message.topic) > dropped
+        return ahead.next_message(at) if lost else at + 1
 
     def _take_first(self, ahead: Ahead, at: int) -> int:
         """Take the messages from one on that need no decision, and return how many."""

@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import Twist, WrenchStamped
 from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Imu, JointState
@@ -93,6 +93,10 @@ def joints(folder, change=lambda k, message: None, received=lambda k: 10**9 + k 
     rng = np.random.default_rng(3)
     with RecordingWriter(folder) as writer:
         writer.add('/joint_states', 'sensor_msgs/msg/JointState')
+        writer.add('/force', 'geometry_msgs/msg/WrenchStamped')
+        pushed = WrenchStamped()
+        write_stamp(pushed.header.stamp, 10**9 - 1)
+        writer.write('/force', received(0), bytes(serialize_message(pushed)))
         for k in range(300):
             message = JointState(name=['cart', 'pole'], position=rng.normal(scale=0.01, size=2))
             write_stamp(message.header.stamp, 10**9 + k * 10**7)
@@ -114,7 +118,33 @@ def framed(k, message):
     message.header.frame_id = 'rail'
 
 
+def lacking(k, message):
+    if k == 200:
+        message.name, message.position = ['cart'], message.position[:1]
+
+
+def _joint(name, state, joint='pole'):
+    known = {
+        'kind': 'states', 'measures': [state], 'noise': [0.01], 'rate': 100.0,
+        'type': 'sensor_msgs/JointState', 'topic': 'joint_states',
+        'fields': [f'position[{joint}]'],
+    }  # fmt: skip
+    return {f'{name}.{key}': value for key, value in known.items()}
+
+
+#: Two sensors that read the same messages.
+SHARED = {
+    'sensors': ['joint_states', 'pole'],
+    **_joint('joint_states', 'x', 'cart'),
+    **_joint('pole', 'theta'),
+}
+#: The second of which is often refused, after the first was fused.
+REFUSED = {**SHARED, 'pole.gate': 0.5, 'gate_recover_after': 0}
+
 HOSTILE = [
+    *((change, None, SHARED) for change in (outsize, framed, cut, lacking)),
+    (lambda k, message: None, None, REFUSED),
+    (lambda k, message: None, None, {**SHARED, 'joint_states.gate': 0.5, 'gate_recover_after': 3}),
     (outsize, None, {}),
     (cut, None, {}),
     (framed, None, {}),
@@ -136,6 +166,16 @@ def test_odd_recordings_are_the_same(change, received, values, arithmetic, tmp_p
     values = {**values, 'arithmetic': arithmetic}
     together, alone, _ = both(bag, 'cart_pole', values, monkeypatch)
     assert_same(together, alone)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not is_available(), reason='CasADi is not installed')
+def test_messages_that_two_sensors_read_are_taken_together(tmp_path, monkeypatch):
+    bag = joints(tmp_path / 'bag', lambda k, message: None)
+    together, alone, share = both(bag, 'cart_pole', SHARED, monkeypatch)
+    assert_same(together, alone)
+    assert share > 0.8
+    assert len(together.beliefs.time) == 600
 
 
 @pytest.mark.slow
