@@ -106,6 +106,7 @@ def joints(folder, change=lambda k, message: None, received=lambda k: 10**9 + k 
 
 
 def cut(k, message):
+    message.header.frame_id = 'rail'  # what is known decides about nothing else
     return None if k % 40 < 20 else b''
 
 
@@ -190,7 +191,7 @@ def test_what_cannot_be_decoded_is_not_tried_again(tmp_path, monkeypatch):
     )
     replayed = replay(bag, 'cart_pole')
     assert replayed.sensors['joint_states'].undecodable == 140
-    assert len(tried) <= 300
+    assert sum(data == b'none' for data in tried) <= 140
 
 
 @pytest.mark.slow

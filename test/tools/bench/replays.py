@@ -26,7 +26,7 @@ from .filters import second
 from .linear import parameters
 
 #: States, readings of one message, filter, its arithmetic, rate in Hz, how many times faster than
-#: real time it has to be, in C where a step of filterpy's EKF takes 23 us, and the seconds of the
+#: real time it has to be where a step of filterpy's EKF takes 23 us, and the seconds of the
 #: recording.
 _CASES = (
     ('replay, kf, 4 states at 100 Hz / its time', 4, 2, 'kf', 'compiled', 100.0, 200.0, 60.0),
@@ -47,10 +47,9 @@ def benchmarks() -> Iterator[list[Benchmark]]:
             values = {**parameters(n, k, filter, rate), 'arithmetic': arithmetic}
             path = Path(folder) / str(index)
             record(path, values, seconds)
-            in_c = arithmetic == 'c'
             ours = partial(_share, path, values, seconds)
             ours()  # imports
-            found.append(Benchmark(name, 1.0 / times, ours, second if in_c else lambda: 1.0))
+            found.append(Benchmark(name, 1.0 / times, ours, second))
         yield found
 
 
