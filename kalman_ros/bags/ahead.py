@@ -15,16 +15,16 @@ from kalman_ros.pipeline.fuser import Fuser
 from kalman_ros.pipeline.reading_reader import Reading, Readings, SensorReader
 from kalman_ros.scenario import SensorSource
 
-from .blocks import Message
+from .blocks import Message, Messages
 
 #: Source of a delivery that cannot be taken with others.
 _ALONE = -1
-#: Readers of a message that is not decoded ahead.
-_OTHER = ('',)
 
 
 class Ahead:
     """Messages that follow each other, decoded by columns where that is possible.
+
+    Each is delivered to every sensor that reads it, or once to the readers of any other.
 
     Parameters
     ----------
@@ -41,24 +41,15 @@ class Ahead:
 
     def __init__(
         self,
-        messages: Sequence[Message],
+        messages: Messages,
         fuser: Fuser,
         sensors: Mapping[str, str],
         input: str,
         longest: int,
     ) -> None:
-        readers: dict[str, list[str]] = {}
-        for name, topic in sensors.items():
-            readers.setdefault(topic, []).append(name)
-        #: Each message, once for each sensor that reads it; '' for the readers of any other.
-        self.deliveries = [
-            (message, name)
-            for message in messages
-            for name in (
-                readers.get(message.topic, _OTHER) if len(message.data) <= longest else _OTHER
-            )
-        ]
-        now = np.array([message.time for message, _ in self.deliveries], dtype=np.int64)
+        self._messages, self._names = messages, [*sensors]
+        self._of, self._reader = _deliveries(messages, [*sensors.values(), input], longest)
+        now = np.array(messages.time, dtype=np.int64)[self._of]
         self._time, self._source = now.copy(), np.full(len(now), _ALONE)
         self._row = np.zeros(len(now), dtype=int)
         #: Readings by the index of their delivery, that were decoded one by one.
@@ -67,17 +58,11 @@ class Ahead:
         self.undecodable: set[int] = set()
         #: Decoded messages of each sensor.
         self.readings: list[Readings] = []
-        places: dict[str, list[int]] = {name: [] for name in sensors}
-        acting = []
-        for at, (message, name) in enumerate(self.deliveries):
-            if name:
-                places[name].append(at)
-            elif message.topic == input and len(message.data) <= longest:
-                acting.append(at)
         for index, name in enumerate(sensors):
             channel, source = fuser.channels[name], fuser.scenario.sensors[name]
-            self.readings.append(self._read(channel, source, places[name], index))
-        samples = fuser.input.read_all(self._data(acting)) if acting else None
+            self.readings.append(self._read(channel, source, index))
+        acting = np.flatnonzero(self._reader == len(sensors))
+        samples = fuser.input.read_all(self._data(acting)) if len(acting) else None
         self.inputs = np.empty((0, fuser.scenario.model.input.size))
         if samples is not None:
             self._place(acting, len(sensors), samples.time)
@@ -87,33 +72,42 @@ class Ahead:
         #: All deliveries; the source of one that cannot be taken with others is negative.
         self.arrivals = Arrivals(self._time, now, self._source, self._row, values, covariances)
 
-    def _data(self, at: Sequence[int]) -> list[bytes]:
-        return [self.deliveries[index][0].data for index in at]
+    def __len__(self) -> int:
+        return len(self._of)
 
-    def _place(self, at: Sequence[int], source: int, time: Any) -> None:
+    def delivery(self, at: int) -> tuple[Message, str]:
+        """Return the message of a delivery, and its sensor; '' for the readers of any other."""
+        index, reader = int(self._of[at]), int(self._reader[at])
+        name = self._names[reader] if 0 <= reader < len(self._names) else ''
+        return self._messages[index], name
+
+    def _data(self, at: Any) -> list[bytes]:
+        data = self._messages.data
+        return [data[index] for index in self._of[at].tolist()]
+
+    def _place(self, at: Any, source: int, time: Any) -> None:
         """Enter the messages of a source at their places, with stamps if they have them."""
         self._source[at], self._row[at] = source, np.arange(len(at))
         if time is not None:
             self._time[at] = np.where(time, time, self._time[at])
 
-    def _read(
-        self, channel: SensorReader, source: SensorSource, at: list[int], index: int
-    ) -> Readings:
+    def _read(self, channel: SensorReader, source: SensorSource, index: int) -> Readings:
         """Return the readings of a sensor, and enter them."""
-        readings = channel.read_all(self._data(at), source) if at else None
+        at = np.flatnonzero(self._reader == index)
+        readings = channel.read_all(self._data(at), source) if len(at) else None
         if readings is None:
             at, readings = self._read_each(channel, source, at)
         self._place(at, index, readings.time)
         return readings
 
     def _read_each(
-        self, channel: SensorReader, source: SensorSource, at: list[int]
-    ) -> tuple[list[int], Readings]:
+        self, channel: SensorReader, source: SensorSource, at: Any
+    ) -> tuple[Any, Readings]:
         """Return the readings of messages that are decoded one by one, with their places."""
         R, usable = source.sensor.covariance, []
-        for index in at if channel.is_settled else ():
+        for index, data in zip(at.tolist(), self._data(at)) if channel.is_settled else ():
             try:
-                reading = self.known[index] = channel.read(self._data([index])[0], source)
+                reading = self.known[index] = channel.read(data, source)
             except UndecodableError:
                 self.undecodable.add(index)
                 continue
@@ -131,15 +125,29 @@ class Ahead:
             np.array(matrices).reshape(-1, *R.shape),
             np.array([reading.completed for reading in read], dtype=bool),
         )
-        return usable, readings
+        return np.array(usable, dtype=int), readings
 
     def next_message(self, at: int) -> int:
         """Return the index of the first delivery of the message behind that of one."""
-        message = self.deliveries[at][0]
-        behind = range(at + 1, len(self.deliveries))
-        return next((k for k in behind if self.deliveries[k][0] is not message), behind.stop)
+        return int(np.searchsorted(self._of, self._of[at], 'right'))
 
     def first(self, begin: int, most: int) -> Arrivals:
         """Return the deliveries from one on, up to one that cannot be taken with others."""
         alone = self.arrivals.source[begin : begin + most] == _ALONE
         return self.arrivals.some(slice(begin, begin + int(np.argmax(np.append(alone, True)))))
+
+
+def _deliveries(messages: Messages, topics: Sequence[str], longest: int) -> tuple[Any, Any]:
+    """Return the message of each delivery and its reader, by their indices.
+
+    A message that is too long, or on none of the topics, is delivered once; its reader is -1.
+    """
+    codes = {topic: code for code, topic in enumerate(topics) if topic}
+    code = np.array([codes.get(topic, -1) for topic in messages.topic])
+    code[np.array([*map(len, messages.data)]) > longest] = -1
+    read_by = [np.flatnonzero(code == codes.get(topic, len(topics))) for topic in topics]
+    others = np.flatnonzero(code < 0)
+    of = np.concatenate((others, *read_by))
+    reader = np.repeat(np.arange(-1, len(topics)), [len(others), *map(len, read_by)])
+    order = np.lexsort((reader, of))
+    return of[order], reader[order]

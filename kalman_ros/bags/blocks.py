@@ -5,16 +5,17 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from itertools import islice
 from math import inf
 from operator import itemgetter
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from .budget import MOST_PENDING, MOST_WAITING, Budget
 
 #: Bytes that a message takes in memory beside its content, and messages that are counted at once.
-_MESSAGE, _GROUP = 200, 4096
+_MESSAGE, GROUP = 200, 4096
 #: Longest time from publication to reception that is put in order, in nanoseconds.
 _LATENCY = 2_000_000_000
 
@@ -31,12 +32,85 @@ class Message(NamedTuple):
     published: int | None = None
 
 
+@dataclass(frozen=True)
+class Messages:
+    """Messages by columns, each as in `Message`.
+
+    Many take a fraction of the time and of the memory that they take one by one.
+    """
+
+    time: list[int] = field(default_factory=list)
+    topic: list[str] = field(default_factory=list)
+    data: list[bytes] = field(default_factory=list)
+    published: list[int | None] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, messages: Iterable[Message]) -> Messages:
+        """Return messages by columns."""
+        return cls(*map(list, zip(*messages)))
+
+    @property
+    def columns(self) -> tuple[list[Any], ...]:
+        """The columns in the order of the fields of a message."""
+        return self.time, self.topic, self.data, self.published
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def __iter__(self) -> Iterator[Message]:
+        return map(Message, *self.columns)
+
+    def __getitem__(self, at: int) -> Message:
+        return Message(*(column[at] for column in self.columns))
+
+    @property
+    def size(self) -> int:
+        """Bytes that they take in memory."""
+        return sum(map(len, self.data)) + _MESSAGE * len(self)
+
+    def some(self, which: slice) -> Messages:
+        """Return some of the messages, one behind the other."""
+        return Messages(*(column[which] for column in self.columns))
+
+    def chosen(self, which: Sequence[int]) -> Messages:
+        """Return the messages at some places."""
+        return Messages(*([column[at] for at in which] for column in self.columns))
+
+    def on(self, topics: Collection[str]) -> Messages:
+        """Return the messages of some topics."""
+        return self.chosen([at for at, topic in enumerate(self.topic) if topic in topics])
+
+    def by_time(self) -> Messages:
+        """Return the messages in the order of reception; those of one time as they are."""
+        if self.time == sorted(self.time):
+            return self
+        return self.chosen(sorted(range(len(self)), key=self.time.__getitem__))
+
+
+def joined(parts: Sequence[Messages]) -> Messages:
+    """Return the messages of all parts, one part behind the other."""
+    if len(parts) == 1:
+        return parts[0]
+    whole = Messages()
+    for part in parts:
+        for column, more in zip(whole.columns, part.columns):
+            column += more
+    return whole
+
+
+def grouped(messages: Iterable[Message]) -> Iterator[Messages]:
+    """Yield messages in groups by columns."""
+    iterator = iter(messages)
+    while group := list(islice(iterator, GROUP)):
+        yield Messages.of(group)
+
+
 class Block(NamedTuple):
     """A part of a file: the times of its first and last message, in ns, and its reader."""
 
     start: int
     end: int
-    read: Callable[[Collection[str], Budget], Iterable[Message]]
+    read: Callable[[Collection[str], Budget], Iterable[Messages]]
 
 
 class Source(Protocol):
@@ -57,7 +131,7 @@ def in_order(
     budget: Budget,
     start: float = -inf,
     end: float = inf,
-) -> Iterator[Message]:
+) -> Iterator[Messages]:
     """Yield the messages of some topics, received from ``start`` to ``end``, in order.
 
     Messages with one time are in the order of the file.
@@ -69,44 +143,37 @@ def in_order(
     """
     selected = sorted((b for b in blocks if b.start <= end and b.end >= start), key=itemgetter(0))
     #: The time of the next message of each block, its place in the file, all, and its index.
-    pending: list[tuple[int, int, list[Message], int]] = []
-    time = itemgetter(0)
+    pending: list[tuple[int, int, Messages, int]] = []
     for index, block in enumerate(selected):
-        messages = sorted(_collect(block.read(topics, budget), budget), key=time)
-        if messages and not block.start <= messages[0].time <= messages[-1].time <= block.end:
+        messages = _collect(block.read(topics, budget), budget)
+        times = messages.time
+        if times and not block.start <= times[0] <= times[-1] <= block.end:
             raise ValueError('a message was not received when the part that it is in says')
-        if messages:
-            heappush(pending, (messages[0].time, index, messages, 0))
+        if times:
+            heappush(pending, (times[0], index, messages, 0))
         until = selected[index + 1].start if index + 1 < len(selected) else inf
+        due: list[tuple[int, Messages]] = []
         while pending and pending[0][0] < until:
             _, number, messages, at = heappop(pending)
-            most = bisect_left(messages, until, at, key=time)
-            if pending:
-                other, behind, *_ = pending[0]
-                bisect = bisect_right if number < behind else bisect_left
-                most = bisect(messages, other, at, most, key=time)
+            most = bisect_left(messages.time, until, at)
+            due.append((number, messages.some(slice(at, most))))
             if most < len(messages):
-                heappush(pending, (messages[most].time, number, messages, most))
-            begin = bisect_left(messages, start, at, most, key=time)
-            stop = bisect_right(messages, end, begin, most, key=time)
-            yield from messages[begin:stop]
-            budget.release(_size(messages[at:most]))
+                heappush(pending, (messages.time[most], number, messages, most))
+        if due:
+            together = joined([part for _, part in sorted(due, key=itemgetter(0))]).by_time()
+            times = together.time
+            yield together.some(slice(bisect_left(times, start), bisect_right(times, end)))
+            budget.release(together.size)
 
 
-def _collect(messages: Iterable[Message], budget: Budget) -> list[Message]:
-    """Return messages as a list; raise ValueError if the budget does not suffice."""
-    iterator = iter(messages)
-    collected: list[Message] = []
-    while group := list(islice(iterator, _GROUP)):
+def _collect(groups: Iterable[Messages], budget: Budget) -> Messages:
+    """Return messages in order; raise ValueError if the budget does not suffice."""
+    collected = [Messages()]
+    for group in groups:
         budget.work(len(group))
-        budget.hold(_size(group))
-        collected += group
-    return collected
-
-
-def _size(messages: Iterable[Message]) -> int:
-    """Return the bytes that messages take in memory."""
-    return sum(len(message.data) + _MESSAGE for message in messages)
+        budget.hold(group.size)
+        collected.append(group)
+    return joined(collected).by_time()
 
 
 def as_published(messages: Iterable[Message]) -> Iterator[Message]:

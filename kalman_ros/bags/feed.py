@@ -28,7 +28,7 @@ from kalman_ros.pipeline.transforms import TYPE
 from kalman_ros.scenario import Scenario
 
 from .ahead import Ahead
-from .blocks import Message
+from .blocks import Message, Messages
 from .collecting import (
     BeliefColumns,
     EstimateRecording,
@@ -47,6 +47,10 @@ _BACK = 100_000_000
 _LONGEST_PAUSE = 64
 #: Fewest messages that are tried to be taken together, and that are worth the trial.
 _FEWEST, _WORTH_IT = 64, 16
+#: How many times as many are tried after a success.
+_GROWTH = 4
+#: Number of readings that are worth the compilation of a filter as a whole.
+_LONG = 10_000
 #: Times of receipt that whole numbers of 8 bytes can hold, with a year to add.
 _LATEST = 2**63 - 2**55
 
@@ -78,7 +82,8 @@ class Feed:
         self.settings = settings = settings.in_lockstep(self.lockstep)
         learn_layouts(on=settings.options.learn_layouts)
         scenario = settings.scenario
-        estimation = settings.fusion()
+        self._many_at_once = _is_long(bag, scenario) and not (self.lockstep or self._publishes)
+        estimation = settings.fusion(many=self._many_at_once)
         self.online = settings.estimator(estimation)
         self.origin = settings.origin()
         #: Sentences about what the recording lacks.
@@ -199,7 +204,8 @@ class Feed:
 
     def _use(self, scenario: Scenario) -> None:
         """Continue with a sensor whose mounting is known now."""
-        estimation = fusion(scenario, self.settings.options, self.settings.extra)
+        options, extra = self.settings.options, self.settings.extra
+        estimation = fusion(scenario, options, extra, many=self._many_at_once)
         self.fuser.configure(scenario, estimation)
 
     def __call__(self, message: Message) -> None:
@@ -211,10 +217,10 @@ class Feed:
             self._publish_until(self._now)
         self._intake(message.topic, self._take[message.topic], message.data)
 
-    def take(self, messages: Sequence[Message]) -> None:
+    def take(self, messages: Messages) -> None:
         """Take the next messages; those that need no decision at once."""
         one_by_one = self.lockstep or self._period or self._simulated
-        beyond = any(message.time > _LATEST for message in messages)
+        beyond = max(messages.time, default=0) > _LATEST
         if one_by_one or beyond or not self.online.takes_many:
             for message in messages:
                 self(message)
@@ -223,7 +229,7 @@ class Feed:
             messages, self.fuser, self._topics_ahead, self._input_ahead, self._intake.longest
         )
         at = wait = pause = 0
-        while at < len(ahead.deliveries):
+        while at < len(ahead):
             if wait:
                 at, wait = self._take_one(ahead, at), wait - 1
                 continue
@@ -233,7 +239,7 @@ class Feed:
 
     def _take_one(self, ahead: Ahead, at: int) -> int:
         """Take a message for one of its sensors, or for all others; return what is next."""
-        message, name = ahead.deliveries[at]
+        message, name = ahead.delivery(at)
         if not name:
             self(message)
             return at + 1
@@ -255,7 +261,7 @@ class Feed:
         tried = len(arrivals.time)
         taken = self.fuser.fuse_first(arrivals) if tried else None
         count = 0 if taken is None else len(taken.time)
-        self._many = max(2 * (tried if count == tried else count), _FEWEST)
+        self._many = max(_GROWTH * (tried if count == tried else count), _FEWEST)
         if taken is None or not count:
             return 0
         assert self.start is not None
@@ -404,6 +410,12 @@ class Feed:
         if self.recording is not None:
             for reading in fused:
                 self.recording.publish_innovation(self._received, reading)
+
+
+def _is_long(bag: Bag, scenario: Scenario) -> bool:
+    """Return whether a recording has many readings, as to the rates of the sensors."""
+    rates = sum(source.timed.rate for source in scenario.enabled.values())
+    return (bag.end - bag.start) * 1e-9 * rates > _LONG
 
 
 def _has_ticks(bag: Bag, topic: str) -> bool:

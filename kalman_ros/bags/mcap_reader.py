@@ -11,11 +11,14 @@ import os
 from collections import deque
 from collections.abc import Collection, Iterator
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from zlib import crc32
 
+import numpy as np
+
 from . import mcap
-from .blocks import Block, Message
+from .blocks import GROUP, Block, Messages
 from .budget import Budget
 from .compression import Part
 
@@ -138,26 +141,34 @@ class McapFile:
 
     def _read(
         self, part: Part, crc: int, topics: Collection[str], budget: Budget
-    ) -> Iterator[Message]:
+    ) -> Iterator[Messages]:
         """Yield the messages of some topics in a chunk, and learn the topics in it."""
         data = part.read(self._path, budget)
         if crc and crc32(data) != crc:
             raise ValueError(f'the chunk at byte {part.at} is damaged: its checksum differs')
-        unpack, size = mcap.MESSAGE_RECORD.unpack_from, mcap.MESSAGE_RECORD.size
-        message = partial(tuple.__new__, Message)  # Message(...) in a third of its time
-        channels, unwanted = self._channels, 0
-        at, last = 0, len(data) - size
-        while at <= last:
-            kind, length, number, _, time, published = unpack(data, at)
-            end = at + mcap.RECORD.size + length
-            if end > len(data):
-                raise ValueError('a message is longer than its chunk')
-            channel = channels.get(number) if kind == mcap.MESSAGE else None
-            if channel is not None and channel.topic in topics:
-                yield message((time, channel.topic, data[at + size : end], published))
-            else:
-                unwanted += 1
-                if kind in (mcap.SCHEMA, mcap.CHANNEL) and length < _MOST:
-                    self._learn(kind, data[at + mcap.RECORD.size : end], budget)
-            at = end
-        budget.work(unwanted)
+        starts = mcap.starts(data)
+        while group := list(islice(starts, GROUP)):
+            yield self._messages(data, group, topics, budget)
+
+    def _messages(
+        self, data: bytes, starts: list[int], topics: Collection[str], budget: Budget
+    ) -> Messages:
+        """Return the messages of some topics among the records that begin at some places."""
+        heads, channels = mcap.heads(data, starts), self._channels
+        kind = heads['kind']
+        for at in np.flatnonzero((kind == mcap.SCHEMA) | (kind == mcap.CHANNEL)).tolist():
+            begin, length = starts[at] + mcap.RECORD.size, int(heads['length'][at])
+            if length < _MOST:
+                self._learn(int(kind[at]), data[begin : begin + length], budget)
+        numbers = [number for number, channel in channels.items() if channel.topic in topics]
+        wanted = np.flatnonzero((kind == mcap.MESSAGE) & np.isin(heads['channel'], numbers))
+        budget.work(len(starts) - len(wanted))
+        heads, begin = heads[wanted], np.array(starts)[wanted]
+        end = begin + mcap.RECORD.size + heads['length'].astype(int)
+        content = zip((begin + mcap.MESSAGE_RECORD.size).tolist(), end.tolist())
+        return Messages(
+            heads['time'].tolist(),
+            [channels[number].topic for number in heads['channel'].tolist()],
+            [data[start:stop] for start, stop in content],
+            heads['published'].tolist(),
+        )

@@ -10,7 +10,7 @@ from pathlib import Path
 from kalman_ros.core.named_options import nearest
 from kalman_ros.core.one_line import one_line
 
-from .blocks import Block, Message, Source, in_order
+from .blocks import Block, Message, Messages, Source, in_order
 from .budget import Budget
 from .mcap_reader import McapFile
 from .ros1_reader import Ros1File
@@ -127,6 +127,13 @@ class Bag:
     def messages(
         self, topics: Collection[str], start: float = -inf, end: float = inf
     ) -> Iterator[Message]:
+        """Yield the messages of some topics, one by one; see `batches`."""
+        for batch in self.batches(topics, start, end):
+            yield from batch
+
+    def batches(
+        self, topics: Collection[str], start: float = -inf, end: float = inf
+    ) -> Iterator[Messages]:
         """Yield the messages of some topics in the order in which they were received.
 
         Parameters

@@ -22,7 +22,7 @@ from kalman_ros.pipeline.settings import Settings, settings
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import from_file, own_section
 
-from .blocks import Message
+from .blocks import Messages, grouped, joined
 from .collecting import EstimateRecording, seconds
 from .columns import Rows
 from .feed import TICK, Feed, resolver
@@ -35,7 +35,7 @@ from .steps import Steps
 
 #: Number of messages that are taken together, at first and then, with a report of the progress,
 #: and of the numbers of their covariances.
-_FIRST, _FEWEST, _MOST, _NUMBERS = 20, 500, 4000, 1_000_000
+_FIRST, _FEWEST, _MOST, _NUMBERS = 20, 500, 16_000, 4_000_000
 #: Most bytes of these messages.
 _BYTES = 16_000_000
 #: Note on a comparison of estimates that are not those at the readings.
@@ -223,25 +223,24 @@ def _pass_messages(
     """
     topics = [*feed.topics, *(reader.topic for reader in readers)]
     count, received = 0, 0
-    messages: Iterable[Message]
     if feed.lockstep:
-        messages = steps = Steps(bag.messages(topics), tick, start, end)
+        steps = Steps(bag.messages(topics), tick, start, end)
+        batches = grouped(steps)
     else:
-        messages = bag.messages(topics, *bag.limits(start, end))
+        batches = bag.batches(topics, *bag.limits(start, end))
     # few at first, after which the layout of each message is known
     many = _NUMBERS // feed.settings.scenario.model.state.size**2
     sizes = chain([_FIRST], repeat(min(max(many, _FEWEST), _MOST)))
-    for block in _blocks(messages, sizes):
+    for block in _blocks(batches, sizes):
         count += len(block)
-        received = block[-1].time
+        received = block.time[-1]
         if feed.start is None:
             feed.start = steps.origin
         for reader in readers:
             for message in block:
                 if message.topic == reader.topic:
                     reader(message.data)
-        used = {*feed.topics} if readers else None
-        feed.take(block if used is None else [one for one in block if one.topic in used])
+        feed.take(block.on(feed.topics) if readers else block)
         if progress is not None:
             progress(seconds(received, bag.start) - start)
     if feed.start is None or not count or (feed.lockstep and not feed.beliefs):
@@ -253,18 +252,20 @@ def _pass_messages(
     return received
 
 
-def _blocks(messages: Iterable[Message], sizes: Iterator[int]) -> Iterator[list[Message]]:
+def _blocks(batches: Iterable[Messages], sizes: Iterator[int]) -> Iterator[Messages]:
     """Yield messages together, of some numbers, and of some bytes at most."""
-    block: list[Message] = []
-    size, most = 0, next(sizes)
-    for message in messages:
-        block.append(message)
-        size += len(message.data)
-        if len(block) >= most or size > _BYTES:
-            yield block
-            block, size, most = [], 0, next(sizes)
-    if block:
-        yield block
+    parts: list[Messages] = []
+    count, size, most = 0, 0, next(sizes)
+    for batch in batches:
+        begin = 0
+        for end, length in enumerate(map(len, batch.data), 1):
+            count, size = count + 1, size + length
+            if count >= most or size > _BYTES:
+                yield joined([*parts, batch.some(slice(begin, end))])
+                parts, begin, count, size, most = [], end, 0, 0, next(sizes)
+        parts.append(batch.some(slice(begin, None)))
+    if count:
+        yield joined(parts)
 
 
 def _truth_reader(settings: Settings, bag: Bag, topic: str) -> _TruthReader | PoseReader:

@@ -15,7 +15,7 @@ from pathlib import Path
 from struct import Struct, error
 from typing import Any
 
-from .blocks import Block, Message
+from .blocks import Block, Message, Messages, grouped
 from .budget import Budget
 from .compression import MISSING, Part
 from .mcap import U32
@@ -199,8 +199,11 @@ class Ros1File:
             yield _fields(data[head:middle]), data[content : content + rest]
             start = content + rest
 
-    def _read(self, chunk: Part, topics: Collection[str], budget: Budget) -> Iterator[Message]:
-        """Yield the messages of some topics in a chunk, as messages of ROS 2."""
+    def _read(self, chunk: Part, topics: Collection[str], budget: Budget) -> Iterator[Messages]:
+        """Yield the messages of some topics in a chunk, as messages of ROS 2, in groups."""
+        return grouped(self._each(chunk, topics, budget))
+
+    def _each(self, chunk: Part, topics: Collection[str], budget: Budget) -> Iterator[Message]:
         for fields, data in self._records(chunk, budget):
             if _op(fields) == _CONNECTION:
                 self._connect(fields, data, budget)

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from .blocks import Block, Message
+from .blocks import Block, Message, Messages, grouped
 from .budget import Budget
 
 #: Average number of messages in a slice, and the largest number of slices.
@@ -145,7 +145,7 @@ class SqliteFile:
 
     def _read(
         self, start: int, end: int, topics: Collection[str], budget: Budget
-    ) -> Iterator[Message]:
+    ) -> Iterator[Messages]:
         """Yield the messages of some topics in a slice."""
         numbers = [number for number, name in self._names.items() if name in topics]
         where = (
@@ -160,11 +160,13 @@ class SqliteFile:
                 if others:
                     raise ValueError(f'{others} messages without a time or without bytes')
                 budget.expand(0, size or 0)
-                for time, number, data in file.execute(
+                rows = file.execute(
                     f'SELECT timestamp, topic_id, data {where} ORDER BY timestamp, id',
                     (start, end),
-                ):
-                    yield Message(time, self._names[number], bytes(data))
+                )
+                yield from grouped(
+                    Message(time, self._names[number], bytes(data)) for time, number, data in rows
+                )
         except sqlite3.Error as error:
             raise ValueError(f'damaged: {error}') from None
 

@@ -141,7 +141,7 @@ class _Template:
     def read_all(self, messages: Sequence[bytes]) -> Samples | None:
         """Return the contents of many messages; None if one does not fit or declares absence."""
         length, layout = self._length, self._layout
-        if any(len(data) != length for data in messages):
+        if {*map(len, messages)} != {length}:
             return None
         table = np.frombuffer(b''.join(messages), np.uint8).reshape(len(messages), length)
         for run, same in self._fixed:

@@ -18,6 +18,11 @@ IN_C = 'c'
 VARIABLE = 'KALMAN_ROS_ARITHMETIC'
 
 
+def chosen(arithmetic: str) -> str:
+    """Return the arithmetic that the environment names, or else this one."""
+    return os.environ.get(VARIABLE) or arithmetic
+
+
 class Parts(NamedTuple):
     """A model and its sensors, with what computes each.
 
@@ -77,10 +82,9 @@ def parts(
     ValueError
         If the arithmetic is unknown.
     """
-    chosen = os.environ.get(VARIABLE)
-    arithmetic = chosen or arithmetic
+    arithmetic = chosen(arithmetic)
     if arithmetic not in (COMPILED, NUMPY):
-        name = f'{VARIABLE} in the environment' if chosen else 'arithmetic'
+        name = f'{VARIABLE} in the environment' if VARIABLE in os.environ else 'arithmetic'
         raise ValueError(f"{name}: expected {COMPILED} or {NUMPY}, got '{arithmetic}'")
     if arithmetic == NUMPY:
         return Parts(model, {**sensors}, {})

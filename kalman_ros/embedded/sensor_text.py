@@ -17,14 +17,16 @@ from .identifiers import Names
 from .loop import Loop
 from .texts import angles, difference, text
 
+#: Function of ``differences.c``.
+_DIFFERENCED = 'differenced'
+
 
 def sensor_texts(loop: Loop, names: Names) -> list[str]:
     """Return the texts of the sensors of a loop, and their table."""
-    texts, rows = [text('sensors.c')], []
+    texts: list[str] = []
+    rows = []
     gates = loop.estimation.policy.gates or {}
     filter: Any = loop.estimation.filter
-    if any(_may_be_differenced(sensor, loop.space) for sensor in loop.sensors.values()):
-        texts.append(text('differences.c'))
     for k, (name, sensor) in enumerate(loop.sensors.items()):
         suffix, gain = str(k), '0'  # a name of a user may be that of another function
         texts += [f'/* {names.sensors[name]} */\n', *_of_sensor(suffix, sensor, loop.space)]
@@ -37,7 +39,8 @@ def sensor_texts(loop: Loop, names: Names) -> list[str]:
             f'ANGLES_{suffix}}},\n'
         )
     table = f'static const sensor SENSOR[] = {{\n{"".join(rows)}}};\n'
-    return [*texts, table, _arrived(loop.space)]
+    differences = [text('differences.c')] if any(_DIFFERENCED in part for part in texts) else []
+    return [text('sensors.c'), *differences, *texts, table, _arrived(loop.space)]
 
 
 def point_texts(filter: Any, space: Space) -> list[str]:
@@ -61,9 +64,11 @@ def _of_sensor(suffix: str, sensor: Sensor, state: Space) -> list[str]:
         difference(f'difference_{suffix}', sensor.output),
     ]
     size = sensor.output.size
+    # a Jacobian may have places without a finite value
+    differenced = not state.rotations and has_poles(formulas.jacobian)
     elsewhere = (
         f'    if (!are_finite(result, {size} * N))\n'
-        f'        differenced(x, {size}, measure_{suffix}, difference_{suffix}, result);\n'
+        f'        {_DIFFERENCED}(x, {size}, measure_{suffix}, difference_{suffix}, result);\n'
     )
     for kind, formula in (('measure', formulas.measure), ('jacobian', formulas.jacobian)):
         called, by_rows = f'{kind}_{suffix}', kind == 'jacobian'
@@ -71,19 +76,13 @@ def _of_sensor(suffix: str, sensor: Sensor, state: Space) -> list[str]:
         texts.append(
             f'static void {called}(const real *x, real *result)\n{{\n'
             f'    {called}_of(x, NUMBERS_{suffix}, result);\n'
-            f'{elsewhere if by_rows and _may_be_differenced(sensor, state) else ""}}}\n'
+            f'{elsewhere if by_rows and differenced else ""}}}\n'
         )
     return [
         *texts,
         numbers(f'COVARIANCE_{suffix}', sensor.covariance),
         angles(f'ANGLES_{suffix}', sensor.output),
     ]
-
-
-def _may_be_differenced(sensor: Sensor, state: Space) -> bool:
-    """Return whether a Jacobian has places without a finite value, and differences there."""
-    formulas = of_sensor(sensor, state, Parameters(sensor))
-    return not state.rotations and has_poles(formulas.jacobian)
 
 
 def _arrived(state: Space) -> str:

@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 
 import numpy as np
 
 from kalman_ros.compiled import is_available
-from kalman_ros.compiled.parts import COMPILED, IN_C, NUMPY
+from kalman_ros.compiled.parts import COMPILED, IN_C, NUMPY, chosen
 from kalman_ros.core import Array, Gaussian, Sensor, Value, is_finite
 from kalman_ros.estimators import NATIVE, filter_class
 from kalman_ros.estimators.diffuse import begun, known_part
@@ -21,9 +22,24 @@ from .estimator_options import EstimatorOptions
 
 
 def fusion(
-    scenario: Scenario, options: EstimatorOptions, extra: Mapping[str, Value], *, wait: bool = True
+    scenario: Scenario,
+    options: EstimatorOptions,
+    extra: Mapping[str, Value],
+    *,
+    wait: bool = True,
+    many: bool = False,
 ) -> Estimation:
     """Return the estimation by the ``options``, and by the ``extra`` options of a filter.
+
+    Parameters
+    ----------
+    scenario, options, extra
+        As of an estimator's node.
+    wait
+        Whether to wait for a C compiler.
+    many
+        Whether a filter that takes messages one by one is worth its compilation as a whole, as
+        for a long recording; it is not where that is not possible.
 
     Raises
     ------
@@ -50,7 +66,12 @@ def fusion(
             )
     if options.lockstep and scenario.input.stamp_offset:
         raise ValueError('input.stamp_offset: expected 0 with lockstep, where inputs answer steps')
-    return _in_c(scenario, setup, options, wait=wait) if in_c else setup
+    if in_c:
+        return _in_c(scenario, setup, options, wait=wait)
+    if many and not setup.filter.has_first_steps and chosen(options.arithmetic) == COMPILED:
+        with suppress(ValueError):
+            return _in_c(scenario, setup, options, wait=wait)
+    return setup
 
 
 def _in_c(

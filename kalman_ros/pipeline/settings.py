@@ -121,15 +121,17 @@ class Settings:
         """Return the timeout of inputs that are not renewed."""
         return InputTimeout(self.options.input_timeout, self.idle())
 
-    def fusion(self, *, wait: bool = True) -> Estimation:
+    def fusion(self, *, wait: bool = True, many: bool = False) -> Estimation:
         """Return the filter, the sensors and the policy of an estimator, which can start.
+
+        See `fusion.fusion` for the arguments.
 
         Raises
         ------
         ValueError
             If the filter cannot serve the scenario.
         """
-        estimation = fusion(self.scenario, self.options, self.extra, wait=wait)
+        estimation = fusion(self.scenario, self.options, self.extra, wait=wait, many=many)
         # this also imports the modules of the first step, which takes longer than a step
         check_start(estimation, self.scenario)
         return estimation

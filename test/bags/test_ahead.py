@@ -16,7 +16,8 @@ from sensor_msgs.msg import Imu, JointState
 from tools.strangers.injected.bag import write_bag
 from tools.strangers.injected.recordings import Injection
 
-from kalman_ros.bags.blocks import Message
+from kalman_ros.bags import feed
+from kalman_ros.bags.blocks import Message, Messages
 from kalman_ros.bags.feed import Feed
 from kalman_ros.bags.reading import Bag
 from kalman_ros.bags.recording_writer import RecordingWriter
@@ -33,6 +34,10 @@ from kalman_ros.scenario.parameter_files import from_file
 
 GATED = {'joint_states.gate': 0.99, 'gate_recover_after': 5}
 OUTLYING = Injection({'joint_states': {'outliers': 0.02, 'nan': 0.01, 'reordering': 0.01}})
+#: Messages carry another covariance than the sensor has, and readings behind late ones are fused
+#: again.
+LOUDER = {'imu.covariance_from': 'message', 'imu.noise': [0.3, 0.3]}
+LATE = Injection({'gnss': {'delay': 0.1}})
 #: Scenario, parameters over its file, faults, and the least share that is taken together, which is
 #: small where sensors have the same stamps and come in any order.
 CASES = [
@@ -43,6 +48,7 @@ CASES = [
     ('diff_drive', {'imu.bias_std': [0.1]}, Injection({'imu': {'dropout': 0.1}}), 0.0),
     ('gnss_imu', {'arithmetic': 'c'}, Injection({'gnss': {'delay': 0.1}}), 0.5),
     ('gnss_imu', {'imu.covariance_from': 'message'}, Injection(), 0.5),
+    ('gnss_imu', LOUDER, LATE, 0.3),
     ('robot_3d', {}, Injection(), 0.9),
     ('mass_spring_damper_2d', {'arithmetic': 'c', 'filter': 'kf'}, Injection(), 0.3),
 ]
@@ -216,6 +222,22 @@ def test_the_recording_of_what_is_published_is_the_same(tmp_path, monkeypatch):
     assert [*one.messages(one.topics)] == [*other.messages(other.topics)]
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(not is_available(), reason='CasADi is not installed')
+@pytest.mark.parametrize('filter', ['kf', 'ukf'])
+def test_of_a_long_recording_the_whole_filter_is_c(filter, tmp_path, monkeypatch):
+    write_bag(tmp_path / 'bag', 'mass_spring_damper', Injection(), 5.0, 5)
+    monkeypatch.setenv('KALMAN_ROS_ARITHMETIC', 'compiled')
+    short = replay(tmp_path / 'bag', 'mass_spring_damper', {'filter': filter})
+    monkeypatch.setattr(feed, '_LONG', 50)
+    replayed = replay(tmp_path / 'bag', 'mass_spring_damper', {'filter': filter})
+    assert (short.arithmetic, replayed.arithmetic) == ('numpy', 'c')
+    np.testing.assert_allclose(replayed.beliefs.mean, short.beliefs.mean, atol=1e-12)
+    monkeypatch.setenv('KALMAN_ROS_ARITHMETIC', 'numpy')
+    again = replay(tmp_path / 'bag', 'mass_spring_damper', {'filter': filter})
+    assert again.arithmetic == 'numpy'
+
+
 def test_without_c_all_are_taken_one_by_one(tmp_path, monkeypatch):
     write_bag(tmp_path / 'bag', 'mass_spring_damper', Injection(), 5.0, 5)
     together, alone, share = both(tmp_path / 'bag', 'mass_spring_damper', {}, monkeypatch)
@@ -328,7 +350,9 @@ def test_an_input_ends_before_the_same_message_as_one_by_one(begin):
 
 
 def test_messages_are_taken_in_blocks_of_a_number_and_of_some_bytes():
-    many = [Message(k, 'a', bytes(9)) for k in range(7)]
-    assert [len(block) for block in _blocks(many, iter([2, 3, 3]))] == [2, 3, 2]
-    large = [Message(k, 'a', bytes(9_000_000)) for k in range(3)]
+    many = [Messages.of(Message(k, 'a', bytes(9)) for k in range(7))]
+    for batches in (many, [many[0].some(slice(k, k + 1)) for k in range(7)]):
+        blocks = [*_blocks(batches, iter([2, 3, 3]))]
+        assert [block.time for block in blocks] == [[0, 1], [2, 3, 4], [5, 6]]
+    large = [Messages.of(Message(k, 'a', bytes(9_000_000)) for k in range(3))]
     assert [len(block) for block in _blocks(large, repeat(100))] == [2, 1]

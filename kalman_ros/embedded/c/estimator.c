@@ -27,7 +27,7 @@ static double nearest(int64_t time)
 
 NAME_outcome NAME_predict(loop_state *s, real dt)
 {
-    real x[N], P[N * N], L[N * N];
+    real x[N], P[N * N], U[N * N];
     if (!(dt >= 0 && dt < R(1e9)))
         return PREFIX_BAD_TIME;
     if (dt == 0)
@@ -48,7 +48,7 @@ NAME_outcome NAME_predict(loop_state *s, real dt)
     memcpy(x, s->x, sizeof x);
     memcpy(P, s->P, sizeof P);
     if ((MAX_GAP > 0 && passed > MAX_GAP) || !predicted(s, dt, x, P) || !are_finite(x, N) ||
-        !repaired(P, L, &s->repairs)) {
+        !repaired(P, U, &s->repairs)) {
         restarted(s);
         s->restarts += 1;
         return PREFIX_RESTARTED;
@@ -61,25 +61,25 @@ NAME_outcome NAME_predict(loop_state *s, real dt)
 /* Whether R, of k rows, is finite, symmetric and positive definite. */
 static int is_covariance(const real *R_y, int k)
 {
-    real L[K_MOST * K_MOST];
+    real U[K_MOST * K_MOST];
     for (int i = 0; i < k; i++)
         for (int j = 0; j < i; j++)
             if (!(fabs(R_y[i * k + j] - R_y[j * k + i]) <=
                   R(1e-8) + R(1e-5) * fabs(R_y[j * k + i])))
                 return 0;
-    return are_finite(R_y, k * k) && factored(R_y, k, 0, L);
+    return are_finite(R_y, k * k) && factored(R_y, k, 0, U);
 }
 
 static NAME_outcome correct(loop_state *s, int index, const real *y, const real *R_y)
 {
     const sensor *of = SENSOR + index;
     correction c;
-    real L[N * N];
+    real U[N * N];
     uint32_t repairs = s->repairs;
     NAME_outcome found = PREFIX_FUSED;
-    if (!are_finite(y, of->size))
+    if (!are_finite(y, size_of(of)))
         return PREFIX_NOT_FINITE;
-    if (R_y && !is_covariance(R_y, of->size))
+    if (R_y && !is_covariance(R_y, size_of(of)))
         return PREFIX_BAD_COVARIANCE;
     if (s->records[index].seen && s->records[index].time == s->time)
         return PREFIX_DUPLICATE;
@@ -92,7 +92,7 @@ static NAME_outcome correct(loop_state *s, int index, const real *y, const real 
     else
         recorded(s->records + index, s->time, 1);
     if (found == PREFIX_FUSED || found == PREFIX_RECOVERED) {
-        if (are_finite(c.x, N) && repaired(c.P, L, &repairs)) {
+        if (are_finite(c.x, N) && repaired(c.P, U, &repairs)) {
             memcpy(s->x, c.x, sizeof c.x);
             memcpy(s->P, c.P, sizeof c.P);
             s->repairs = repairs;

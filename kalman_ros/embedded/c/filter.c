@@ -53,16 +53,16 @@ typedef struct {
 
 /* 0 for a belief that is hardly positive definite, or so large that its square is not finite, which
  * is to be looked at more closely */
-static int definite(const real *x, const real *P)
+FAST static int definite(const real *x, const real *P)
 {
-    real L[N * N];
+    real U[N * N];
     for (int i = 0; i < N; i++)
         if (!(fabs(x[i]) < (real)1e150 && P[i * N + i] < (real)1e150))
             return 0;
-    if (!factored(P, N, 0, L))
+    if (!factored(P, N, 0, U))
         return 0;
     for (int i = 0; i < N; i++)
-        if (!(L[i * N + i] * L[i * N + i] > (real)1e-10 * P[i * N + i]))
+        if (!(U[i * N + i] * U[i * N + i] > (real)1e-10 * P[i * N + i]))
             return 0;
     return 1;
 }

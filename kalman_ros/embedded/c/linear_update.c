@@ -25,7 +25,7 @@ FAST static int corrected(const real *x, const real *P, const sensor *of, const 
                      const real *R_y, correction *c)
 {
     const int k = size_of(of);
-    real expected[K_MOST], H[K_MOST * N], HP[K_MOST * N], L[K_MOST * K_MOST], gain[K_MOST * N];
+    real expected[K_MOST], H[K_MOST * N], HP[K_MOST * N], U[K_MOST * K_MOST], gain[K_MOST * N];
     real moved[N], PA[N * N], rest[K_MOST * N];
     of->measure(x, expected);
     of->difference(y, expected, c->innovation);
@@ -36,7 +36,7 @@ FAST static int corrected(const real *x, const real *P, const sensor *of, const 
             if (H[i * N + l] != 0)
                 add_row(HP + i * N, H[i * N + l], P + l * N);
     innovation_covariance(HP, H, R_y, k, c->S);
-    const int definite = weighed(of, c, L);
+    const int definite = weighed(of, c, U);
     if (of->gain)
         for (int i = 0; i < k; i++)
             for (int j = 0; j < N; j++)
@@ -45,7 +45,7 @@ FAST static int corrected(const real *x, const real *P, const sensor *of, const 
         return 0;
     else {
         memcpy(gain, HP, sizeof gain);
-        solved(L, k, N, gain);
+        solved(U, k, N, gain);
     }
     memcpy(moved, x, sizeof moved);
     for (int l = 0; l < k; l++)

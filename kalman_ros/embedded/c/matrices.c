@@ -1,67 +1,71 @@
 /* P = F P F' + Q, in place */
 INLINE void sandwich(const real *F, const real *Q, real *P)
 {
-    real FP[N * N];
+    real FP[N * N], transposed[N * N];
     for (int i = 0; i < N; i++) {
-        for (int j = 0; j < N; j++)
-            FP[i * N + j] = 0;
+        real row[N] = {0};
         for (int k = 0; k < N; k++)
             for (int j = 0; j < N; j++)
-                FP[i * N + j] += F[i * N + k] * P[k * N + j];
-    }
-    for (int i = 0; i < N; i++)
-        for (int j = 0; j <= i; j++) {
-            real sum = (Q[i * N + j] + Q[j * N + i]) / 2;
-            for (int k = 0; k < N; k++)
-                sum += FP[i * N + k] * F[j * N + k];
-            P[i * N + j] = sum;
-            P[j * N + i] = sum;
+                row[j] += F[i * N + k] * P[k * N + j];
+        for (int j = 0; j < N; j++) {
+            FP[i * N + j] = row[j];
+            transposed[j * N + i] = F[i * N + j];
         }
+    }
+    for (int i = 0; i < N; i++) {
+        real row[N];
+        for (int j = 0; j < (WIDE ? N : i + 1); j++)
+            row[j] = (Q[i * N + j] + Q[j * N + i]) / 2;
+        for (int k = 0; k < N; k++)
+            for (int j = 0; j < (WIDE ? N : i + 1); j++)
+                row[j] += FP[i * N + k] * transposed[k * N + j];
+        for (int j = 0; j <= i; j++) {
+            P[i * N + j] = row[j];
+            P[j * N + i] = row[j];
+        }
+    }
 }
 
-/* L, lower triangular, with L L' = A of n rows; 0 if there is none. A coordinate that is certain,
+/* U, upper triangular, with U' U = A of n rows; 0 if there is none. A coordinate that is certain,
  * with a row of zeros, stays certain where that may be.
  */
-static int factored(const real *A, int n, int may_be_certain, real *L)
+INLINE int factored(const real *A, int n, int may_be_certain, real *U)
 {
+    real row[N > K_MOST ? N : K_MOST];
+    memset(U, 0, (size_t)(n * n) * sizeof *U);
     for (int j = 0; j < n; j++) {
-        real sum = A[j * n + j];
-        int certain = may_be_certain && A[j * n + j] == 0;
+        const int certain = may_be_certain && A[j * n + j] == 0;
+        for (int i = WIDE ? 0 : j; i < n; i++)
+            row[i] = A[j * n + i];
         for (int k = 0; k < j; k++)
-            sum -= L[j * n + k] * L[j * n + k];
-        if (!certain && !(sum > 0 && sum < INFINITY))
+            for (int i = WIDE ? 0 : j; i < n; i++)
+                row[i] -= U[k * n + j] * U[k * n + i];
+        if (!certain && !(row[j] > 0 && row[j] < INFINITY))
             return 0;
-        L[j * n + j] = certain ? 0 : sqrt(sum);
-        for (int i = 0; i < n; i++) {
-            if (i < j)
-                L[i * n + j] = 0;
-            if (i <= j)
-                continue;
-            sum = A[i * n + j];
-            for (int k = 0; k < j; k++)
-                sum -= L[i * n + k] * L[j * n + k];
-            L[i * n + j] = certain ? 0 : sum / L[j * n + j];
-        }
+        const real pivot = certain ? 0 : sqrt(row[j]);
+        U[j * n + j] = pivot;
+        for (int i = j + 1; i < n; i++)
+            U[j * n + i] = certain ? 0 : row[i] / pivot;
     }
     return 1;
 }
 
-/* The n rows of B, of some width, become A^-1 B, with A = L L' */
-INLINE void solved(const real *L, int n, int width, real *B)
+/* The n rows of B, of some width, become A^-1 B, with A = U' U */
+INLINE void solved(const real *U, int n, int width, real *B)
 {
     for (int i = 0; i < n; i++) {
         for (int k = 0; k < i; k++)
             for (int j = 0; j < width; j++)
-                B[i * width + j] -= L[i * n + k] * B[k * width + j];
+                B[i * width + j] -= U[k * n + i] * B[k * width + j];
         for (int j = 0; j < width; j++)
-            B[i * width + j] /= L[i * n + i];
+            B[i * width + j] /= U[i * n + i];
     }
     for (int i = n - 1; i >= 0; i--) {
         for (int j = 0; j < width; j++)
-            B[i * width + j] /= L[i * n + i];
+            B[i * width + j] /= U[i * n + i];
         for (int k = 0; k < i; k++)
             for (int j = 0; j < width; j++)
-                B[k * width + j] -= L[i * n + k] * B[i * width + j];
+                B[k * width + j] -= U[k * n + i] * B[i * width + j];
     }
 }
 
@@ -77,7 +81,7 @@ static int are_finite(const real *numbers, int count)
 /* A factor of P, which is repaired where rounding made it indefinite: then 1 is added to repairs.
  * 0 if there is none.
  */
-static int repaired(real *P, real *L, uint32_t *repairs)
+static int repaired(real *P, real *U, uint32_t *repairs)
 {
     static const real sizes[] = REPAIRS;
     real whole[N * N], largest = 0;
@@ -93,14 +97,14 @@ static int repaired(real *P, real *L, uint32_t *repairs)
         for (int j = 0; j < N; j++)
             if (P[i * N + i] == 0 && P[i * N + j] != 0)
                 certain = 0;
-    if (factored(P, N, certain, L))
+    if (factored(P, N, certain, U))
         return 1;
     for (int k = 0; k < 4; k++) {
         memcpy(whole, P, sizeof whole);
         for (int i = 0; i < N; i++)
             if (!certain || P[i * N + i] != 0)
                 whole[i * N + i] += sizes[k] * largest;
-        if (largest > 0 && factored(whole, N, certain, L)) {
+        if (largest > 0 && factored(whole, N, certain, U)) {
             memcpy(P, whole, sizeof whole);
             *repairs += 1;
             return 1;

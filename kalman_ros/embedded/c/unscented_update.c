@@ -1,11 +1,11 @@
-/* Points about x at the columns of L, a factor of its covariance, times the spread: one a row. */
-static void spread(const real *x, const real *L, real points[POINTS][N])
+/* Points about x at the rows of U, a factor of its covariance, times the spread: one a row. */
+static void spread(const real *x, const real *U, real points[POINTS][N])
 {
     for (int i = 0; i < N; i++) {
         points[0][i] = x[i];
         for (int j = 0; j < N; j++) {
-            points[1 + j][i] = x[i] + SPREAD * L[i * N + j];
-            points[1 + N + j][i] = x[i] - SPREAD * L[i * N + j];
+            points[1 + j][i] = x[i] + SPREAD * U[j * N + i];
+            points[1 + N + j][i] = x[i] - SPREAD * U[j * N + i];
         }
     }
 }
@@ -33,10 +33,10 @@ FAST static int predicted(loop_state *s, real dt, real *x, real *P)
 {
     const int count = parts(dt);
     const real h = dt / (real)count;
-    real L[N * N], points[POINTS][N], F[N * N], Q[N * N], Q_k[N * N], moved[N];
-    if (!repaired(P, L, &s->repairs))
+    real U[N * N], points[POINTS][N], F[N * N], Q[N * N], Q_k[N * N], moved[N];
+    if (!repaired(P, U, &s->repairs))
         return 0;
-    spread(x, L, points);
+    spread(x, U, points);
     memset(Q, 0, sizeof Q);
     for (int k = 0; k < count; k++) {
         if (linearized(s, points[0], s->input, h, moved, F, Q_k) != DONE)
@@ -70,12 +70,12 @@ FAST static int corrected(const real *x, const real *P, const sensor *of, const 
 {
     const int k = size_of(of);
     uint32_t repairs = 0;
-    real definite[N * N], L[N * N], L_S[K_MOST * K_MOST], points[POINTS][N];
+    real definite[N * N], U[N * N], U_S[K_MOST * K_MOST], points[POINTS][N];
     real read[POINTS * K_MOST], mean[K_MOST], K[N * K_MOST], moved[N], P_after[N * N];
     memcpy(definite, P, sizeof definite);
-    if (!repaired(definite, L, &repairs))
+    if (!repaired(definite, U, &repairs))
         return 0;
-    spread(x, L, points);
+    spread(x, U, points);
     for (int p = 0; p < POINTS; p++)
         of->measure(points[p], read + p * k);
     mean_of(read, k, of->angles, mean);
@@ -95,7 +95,7 @@ FAST static int corrected(const real *x, const real *P, const sensor *of, const 
             c->S[i * k + j] = sum;
             c->S[j * k + i] = sum;
         }
-    if (!weighed(of, c, L_S))
+    if (!weighed(of, c, U_S))
         return 0;
     for (int i = 0; i < N; i++) {
         for (int j = 0; j < k; j++) {
@@ -103,7 +103,7 @@ FAST static int corrected(const real *x, const real *P, const sensor *of, const 
             for (int p = 0; p < POINTS; p++)
                 K[i * k + j] += weight(p) * read[p * k + j] * points[p][i];
         }
-        solved(L_S, k, 1, K + i * k);
+        solved(U_S, k, 1, K + i * k);
         moved[i] = x[i];
         for (int j = 0; j < k; j++)
             moved[i] += K[i * k + j] * c->innovation[j];

@@ -10,15 +10,15 @@ INLINE int size_of(const sensor *of)
 }
 
 /* z' S^-1 z, infinite where S is not positive definite; then 0 is returned */
-static int weighed(const sensor *of, correction *c, real *L)
+static int weighed(const sensor *of, correction *c, real *U)
 {
     const int k = size_of(of);
     real z[K_MOST];
     c->nis = INFINITY;
-    if (!factored(c->S, k, 0, L))
+    if (!factored(c->S, k, 0, U))
         return 0;
     memcpy(z, c->innovation, sizeof z);
-    solved(L, k, 1, z);
+    solved(U, k, 1, z);
     c->nis = 0;
     for (int i = 0; i < k; i++)
         c->nis += c->innovation[i] * z[i];
