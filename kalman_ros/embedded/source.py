@@ -27,7 +27,7 @@ from .texts import PRECISIONS, named, text
 #: The variances that single precision computes with.
 _VARIANCES = 1e12, 1e-15
 #: For any processor.
-_PLAIN = '#define FAST\n#define INLINE static inline\n#define UNROLLED\n#define WIDE 0\n'
+_PLAIN = '#define FAST\n#define INLINE static\n#define UNROLLED\n#define WIDE 0\n'
 
 
 def loop_files(loop: Loop, name: str, precision: str, source: str) -> dict[str, str]:

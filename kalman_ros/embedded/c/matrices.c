@@ -1,24 +1,27 @@
-/* P = F P F' + Q, in place */
-INLINE void sandwich(const real *F, const real *Q, real *P)
+/* P = F P F' + Q, in place; F becomes its transpose, so that rows are added */
+INLINE void sandwich(real *F, const real *Q, real *P)
 {
-    real FP[N * N], transposed[N * N];
+    real FP[N * N];
     for (int i = 0; i < N; i++) {
         real row[N] = {0};
         for (int k = 0; k < N; k++)
             for (int j = 0; j < N; j++)
                 row[j] += F[i * N + k] * P[k * N + j];
-        for (int j = 0; j < N; j++) {
-            FP[i * N + j] = row[j];
-            transposed[j * N + i] = F[i * N + j];
-        }
+        memcpy(FP + i * N, row, sizeof row);
     }
+    for (int i = 0; i < N; i++)
+        for (int j = 0; j < i; j++) {
+            const real above = F[j * N + i];
+            F[j * N + i] = F[i * N + j];
+            F[i * N + j] = above;
+        }
     for (int i = 0; i < N; i++) {
         real row[N];
         for (int j = 0; j < (WIDE ? N : i + 1); j++)
             row[j] = (Q[i * N + j] + Q[j * N + i]) / 2;
         for (int k = 0; k < N; k++)
             for (int j = 0; j < (WIDE ? N : i + 1); j++)
-                row[j] += FP[i * N + k] * transposed[k * N + j];
+                row[j] += FP[i * N + k] * F[k * N + j];
         for (int j = 0; j <= i; j++) {
             P[i * N + j] = row[j];
             P[j * N + i] = row[j];
