@@ -161,7 +161,8 @@ class ObservabilityMeter:
             if piece.end - piece.start >= self._length:
                 piece = _Piece(piece.end, piece.end, self._zero)
                 self._pieces.append(piece)
-            piece.impulse = piece.impulse + (time - piece.end) * 1e-9 * self._u
+            if self._u is not self._zero:
+                piece.impulse = piece.impulse + (time - piece.end) * 1e-9 * self._u
             piece.end = time
         return piece
 

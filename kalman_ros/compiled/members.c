@@ -87,8 +87,45 @@ INLINE void sandwiched(const double *F, const double *P, const double *Q, double
             out[i * N + j] = out[j * N + i];
 }
 
+/* S of k rows becomes its factor L; 0 where it is not positive definite */
+INLINE int factored(double *S, long k)
+{
+    for (long j = 0; j < k; j++) {
+        double pivot = S[j * k + j];
+        for (long l = 0; l < j; l++)
+            pivot -= S[j * k + l] * S[j * k + l];
+        if (!(pivot > 0))
+            return 0;
+        S[j * k + j] = sqrt(pivot);
+        for (long i = j + 1; i < k; i++) {
+            double sum = S[i * k + j];
+            for (long l = 0; l < j; l++)
+                sum -= S[i * k + l] * S[j * k + l];
+            S[i * k + j] = sum / S[j * k + j];
+        }
+    }
+    return 1;
+}
+
+/* 0 for a belief that is hardly positive definite, or so large that its square is not finite, which
+ * is to be looked at more closely */
+INLINE int definite(const double *x, const double *P)
+{
+    double L[N * N];
+    for (int i = 0; i < N; i++)
+        if (!(fabs(x[i]) < 1e150 && P[i * N + i] < 1e150))
+            return 0;
+    memcpy(L, P, sizeof L);
+    if (!factored(L, N))
+        return 0;
+    for (int i = 0; i < N; i++)
+        if (!(L[i * N + i] * L[i * N + i] > 1e-10 * P[i * N + i]))
+            return 0;
+    return 1;
+}
+
 /* here v holds a covariance of each member, too, and receives x' and F P F' + Q after a number of
- * steps of length dt */
+ * steps of length dt; of one member, whether the result is definite stands behind it */
 FAST void predictions(double *v, long count, double dt, double max_step, long number,
                       const double *first, long sets)
 {
@@ -108,6 +145,7 @@ FAST void predictions(double *v, long count, double dt, double max_step, long nu
         }
         moved += some * N, P += some * N * N, out += some * N * N;
     }
+    *out = count == 1 && definite(moved - N, out - N * N);
 }
 
 /* P becomes its factor, lower triangular, with zeros for columns whose pivot is at most a tolerance
@@ -139,26 +177,6 @@ void factors(double *v, long count)
     memcpy(L, v, count * N * N * sizeof *v);
     for (long k = 0; k < count; k++)
         factorise(L + k * N * N, NAN);
-}
-
-/* S of k rows becomes its factor L; 0 where it is not positive definite */
-INLINE int factored(double *S, long k)
-{
-    for (long j = 0; j < k; j++) {
-        double pivot = S[j * k + j];
-        for (long l = 0; l < j; l++)
-            pivot -= S[j * k + l] * S[j * k + l];
-        if (!(pivot > 0))
-            return 0;
-        S[j * k + j] = sqrt(pivot);
-        for (long i = j + 1; i < k; i++) {
-            double sum = S[i * k + j];
-            for (long l = 0; l < j; l++)
-                sum -= S[i * k + l] * S[j * k + l];
-            S[i * k + j] = sum / S[j * k + j];
-        }
-    }
-    return 1;
 }
 
 INLINE void corrected(double *v, long count, long k)

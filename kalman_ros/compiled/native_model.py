@@ -18,6 +18,7 @@ from kalman_ros.core import (
     LinearizedStep,
     Model,
     Sensor,
+    definite,
     is_finite,
 )
 from kalman_ros.core.discrete_model import MOST_PERIODS, TOLERANCE
@@ -41,6 +42,7 @@ from .numbered import (
     address,
     declare,
     function_address,
+    hold,
     memory,
     pointed,
 )
@@ -106,12 +108,18 @@ class NativeDynamics(Numbered, Dynamics):
             u, covariances = like(u, x), np.broadcast_to(P, (*x.shape, n))
         step = self._c_library.predictions
         lengths = dt, self.max_step, number
+        if x.ndim == 1:
+            moments = self._c_called(step, x, u, n + n * n + 1, *lengths, behind=P)
+            assert moments is not None  # the shapes are right
+            if moments[-1] == 1.0:
+                return definite((moments[:n], moments[n:-1].reshape(n, n)))
+            if not is_finite(moments):
+                return super().predicted_moments(x, P, u, dt, number)
+            return moments[:n], moments[n:-1].reshape(n, n)
         moments = self._c_called(step, x, u, n + n * n, *lengths, behind=covariances)
         if moments is None:
             raise ValueError(f'x, u: expected (..., n) and (..., m), got {x.shape}, {u.shape}')
         mean, covariance = moments[: x.size], moments[x.size :].reshape(-1, n, n)
-        if not is_finite(moments) and x.ndim == 1:
-            return super().predicted_moments(x, P, u, dt, number)
         if not is_finite(moments):
             points, before = x.reshape(-1, n), covariances.reshape(-1, n, n)
             for k, original in self._c_lost(covariance, NativeDynamics):
@@ -168,7 +176,8 @@ class NativeDynamics(Numbered, Dynamics):
             reads = 0, 0, 0, 0
             v[at_H:at_R] = sensor.jacobian(x).ravel()
             v[at_e:mean] = sensor.output.subtract(y, sensor.measure(x))
-        if self._c_library.correction(address(memory(v)), k, *reads, self._c_arrived):
+        failed = self._c_library.correction(address(memory(v)), k, *reads, self._c_arrived)
+        if failed == 1:
             return super().corrected(x, P, y, sensor)  # which finds out what is wrong
         return (
             v[mean:covariance],
@@ -178,6 +187,7 @@ class NativeDynamics(Numbered, Dynamics):
             v[K:S].reshape(n, k),
             v[at_H:at_R].reshape(k, n),
             float(v[-1]),
+            not failed,
         )
 
     def noisy_step(self, x: Array, u: Array, dt: float, normal: Array) -> Array:
@@ -345,20 +355,17 @@ def native_model(model: Dynamics, *, wait: bool = True) -> Any:
 
 def _declare(library: Any) -> None:
     """Declare the functions of the library of a model."""
-    library.linearized_step.argtypes = [POINTER, NUMBER, NUMBER, POINTER]
-    library.linearized_step.restype = ctypes.c_int
+    hold(library, 'linearized_step', ctypes.c_int, POINTER, NUMBER, NUMBER, POINTER)
     if hasattr(library, 'rates'):
-        declare(library.rates)
-    declare(library.steps, NUMBER, NUMBER)
-    declare(library.noisy_steps, NUMBER, NUMBER)
-    library.factors.argtypes, library.factors.restype = [POINTER, COUNT], None
-    declare(library.noises, NUMBER)
-    declare(library.linearized_steps, NUMBER, NUMBER)
-    declare(library.predictions, NUMBER, NUMBER, COUNT)
-    library.corrections.argtypes = [POINTER, COUNT, COUNT]
-    library.corrections.restype = None
-    library.correction.argtypes = [POINTER, COUNT, *[POINTER] * 5]
-    library.correction.restype = ctypes.c_int
+        declare(library, 'rates')
+    declare(library, 'steps', NUMBER, NUMBER)
+    declare(library, 'noisy_steps', NUMBER, NUMBER)
+    hold(library, 'factors', None, POINTER, COUNT)
+    declare(library, 'noises', NUMBER)
+    declare(library, 'linearized_steps', NUMBER, NUMBER)
+    declare(library, 'predictions', NUMBER, NUMBER, COUNT)
+    hold(library, 'corrections', None, POINTER, COUNT, COUNT)
+    hold(library, 'correction', ctypes.c_int, POINTER, COUNT, *[POINTER] * 5)
     declare_pass(library)
 
 

@@ -79,8 +79,8 @@ def native_sensor(sensor: Sensor, state: Space, *, wait: bool = True) -> Sensor:
     """
     parameters, text = freed(sensor, lambda given: sensor_source(given, state))
     library = load(text, wait=wait)
-    declare(library.readings)
-    declare(library.slopes)
+    declare(library, 'readings')
+    declare(library, 'slopes')
     output = native_space(sensor.output, wait=wait)
     derived: Sensor = derive(
         NativeSensor,

@@ -14,7 +14,7 @@ from kalman_ros.core import Array, Space
 from .derived import derive
 from .formulas import of_space
 from .library import load
-from .numbered import POINTER, address, memory
+from .numbered import POINTER, address, hold, memory
 from .source import source
 
 
@@ -60,8 +60,8 @@ def native_space(space: Space, *, wait: bool = True) -> Space:
     if not space.rotations or isinstance(space, NativeSpace):
         return space
     library = load(_space_source(space), wait=wait)
-    for function in (library.arrive, library.subtract):
-        function.argtypes, function.restype = [POINTER], None
+    for name in ('arrive', 'subtract'):
+        hold(library, name, None, POINTER)
     derived: Space = derive(
         NativeSpace, space, native_space, _c_arrive=library.arrive, _c_subtract=library.subtract
     )

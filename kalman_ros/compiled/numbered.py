@@ -63,10 +63,18 @@ class Numbered:
             yield k, super(part, members[k % self._c_sets])
 
 
-def declare(function: Any, *arguments: Any) -> None:
+def hold(library: Any, name: str, result: Any, *arguments: Any) -> None:
+    """Declare a function of a library that keeps the lock of the interpreter.
+
+    To give that back and take it again takes longer than a step.
+    """
+    function = ctypes.PYFUNCTYPE(result, *arguments)(function_address(getattr(library, name)))
+    setattr(library, name, function)
+
+
+def declare(library: Any, name: str, *arguments: Any) -> None:
     """Declare a function of an array, a number of members, arguments, numbers and their sets."""
-    function.argtypes = [POINTER, COUNT, *arguments, POINTER, COUNT]
-    function.restype = None
+    hold(library, name, None, POINTER, COUNT, *arguments, POINTER, COUNT)
 
 
 def function_address(function: Any) -> int:

@@ -135,7 +135,7 @@ INLINE void arrived(move *arrive, const double *x, const double *mean, const dou
 
 /* v holds x, P, H, R and the innovation of one reading of k numbers, or where H is to be computed
  * the reading itself, and receives the new x and P, K, S and the square of the whitened innovation
- * behind them; 1 where that fails.
+ * behind them; 1 where that fails, and 2 where the belief is not definite.
  */
 FAST int correction(double *v, long k, sense *sensed, const double *p, move *subtract,
                     const double *turns, move *arrive)
@@ -151,7 +151,7 @@ FAST int correction(double *v, long k, sense *sensed, const double *p, move *sub
     if (!weighed(v, k, L, numbers, P + N * N + N * k + k * k))
         return 1;
     arrived(arrive, v, mean, P, mean, P);
-    return 0;
+    return definite(mean, P) ? 0 : 2;
 }
 
 /* The correction by the next reading of a sensor: 1 if it is fused, 0 if not, -1 where it fails. */
@@ -204,25 +204,14 @@ INLINE int fused(const struct sequence *s, struct sensor *of)
     return 1;
 }
 
-/* Keeps the belief after an instant, where that is wanted; 0 if it is hardly positive definite, or
- * so large that its square is not finite, which is to be looked at more closely. */
+/* Keeps the belief after an instant, where that is wanted; 0 if it is not definite. */
 INLINE int committed(const struct sequence *s, long at)
 {
-    double L[N * N];
     if (!s->means)
         return 1;
-    memcpy(L, s->P, sizeof L);
-    memcpy(s->means + at * N, s->x, N * sizeof *L);
-    memcpy(s->covariances + at * N * N, s->P, sizeof L);
-    for (int i = 0; i < N; i++)
-        if (!(fabs(s->x[i]) < 1e150 && s->P[i * N + i] < 1e150))
-            return 0;
-    if (!factored(L, N))
-        return 0;
-    for (int i = 0; i < N; i++)
-        if (!(L[i * N + i] * L[i * N + i] > 1e-10 * s->P[i * N + i]))
-            return 0;
-    return 1;
+    memcpy(s->means + at * N, s->x, N * sizeof *s->x);
+    memcpy(s->covariances + at * N * N, s->P, N * N * sizeof *s->P);
+    return definite(s->x, s->P);
 }
 
 /* Returns the number of instants that were processed. */

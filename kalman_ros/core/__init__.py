@@ -22,7 +22,7 @@ from kalman_ros.linear.views import coordinates, from_coordinates
 
 from .discrete_model import DiscreteLinearSystem, DiscreteModel, check_period, check_rate
 from .dynamics import Dynamics, LinearizedStep, OperatingPoint, Transition
-from .gaussian import Gaussian, chosen, unchecked
+from .gaussian import Definite, Gaussian, chosen, definite, unchecked
 from .linear_system import LinearSystem, linearize
 from .model import Model, in_continuous_time, numerical_jacobian
 from .named_options import About, Option, Value, brief, build_with, options_of, refuse_unknown
@@ -36,6 +36,7 @@ __all__ = [
     'About',
     'Array',
     'ArrayLike',
+    'Definite',
     'DesignError',
     'DiscreteLinearSystem',
     'DiscreteModel',
@@ -63,6 +64,7 @@ __all__ = [
     'check_real',
     'chosen',
     'coordinates',
+    'definite',
     'find',
     'following',
     'from_coordinates',

@@ -56,9 +56,10 @@ class OperatingPoint(NamedTuple):
 
 
 #: A mean (..., n) and covariance (..., n, n) after a reading, its innovation (..., k) and S
-#: (..., k, k), the gain K (..., n, k), H (..., k, n), and the normalised innovation squared, None
-#: if it is not known. A plain tuple, since one with names takes half a microsecond.
-CorrectedMoments = tuple[Array, Array, Array, Array, Array, Array, Optional[float]]
+#: (..., k, k), the gain K (..., n, k), H (..., k, n), the normalised innovation squared, None
+#: if it is not known, and whether mean and covariance are known to be finite and definite. A plain
+#: tuple, since one with names takes half a microsecond.
+CorrectedMoments = tuple[Array, Array, Array, Array, Array, Array, Optional[float], bool]
 
 
 class Dynamics(ABC):
@@ -135,7 +136,10 @@ class Dynamics(ABC):
     def predicted_moments(
         self, x: Array, P: Array, u: Array, dt: float, number: int = 1
     ) -> tuple[Array, Array]:
-        """Return the state after steps of length ``dt``, and F P F' + Q of each, in turn."""
+        """Return the state after steps of length ``dt``, and F P F' + Q of each, in turn.
+
+        It is a `Gaussian` where it is known to be finite and positive definite.
+        """
         for _ in range(number):
             x, F, Q = self.linearized_step(x, u, dt)
             P = kernels(x).sandwich(F, P, Q)
@@ -207,7 +211,7 @@ class Dynamics(ABC):
         innovation = sensor.output.subtract(y, sensor.measure(x))
         mean, covariance, K, S, nis = self.corrected_moments(x, P, H, R, innovation)
         mean, covariance = self.state.arrived(mean, x, covariance)
-        return mean, covariance, innovation, S, K, H, nis
+        return mean, covariance, innovation, S, K, H, nis, False
 
     #: The mean and covariance after an innovation, for any leading axes.
     corrected_moments = staticmethod(corrected_moments)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any, ClassVar, NamedTuple, TypeVar
 
@@ -86,6 +86,20 @@ class Gaussian(KnownNames, _Moments):
 #: For the inner loops of filters, whose sizes match by construction: a belief from a tuple of
 #: mean and covariance, unchecked, in a third of the time.
 unchecked: Callable[[tuple[Array, Array]], Gaussian] = partial(tuple.__new__, Gaussian)
+
+
+class Definite(Gaussian):
+    """A belief that is known to be finite and positive definite; one made of it is not."""
+
+    __slots__ = ()
+
+    @classmethod
+    def _make(cls, iterable: Iterable[Any]) -> Gaussian:  # type: ignore[override]
+        return unchecked(tuple(iterable))
+
+
+#: A belief that is known to be definite, from a tuple as `unchecked`.
+definite: Callable[[tuple[Array, Array]], Gaussian] = partial(tuple.__new__, Definite)
 
 
 def chosen(mask: Any, a: Gaussian, b: Gaussian) -> Gaussian:

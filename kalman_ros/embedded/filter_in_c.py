@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.compiled.library import CompilerError, compiler, load
-from kalman_ros.core import Array, Gaussian, Sensor, unchecked
+from kalman_ros.compiled.numbered import COUNT, NUMBER, POINTER, address, hold, memory
+from kalman_ros.core import Array, Gaussian, Sensor, definite, unchecked
 from kalman_ros.core.ordered_data import FirstSteps, OrderedData
 from kalman_ros.estimators.filter import Correction, Filter, Prediction, SmoothableFilter
 from kalman_ros.scenario import Scenario
@@ -20,9 +21,6 @@ from kalman_ros.scenario.estimation import Estimation
 
 from .loop import Loop, check_estimator
 from .source import filter_source
-
-_address: Callable[[Any], int] = ctypes.addressof
-_memory: Callable[[Any], Any] = ctypes.c_char.from_buffer
 
 
 class _Readings(ctypes.Structure):
@@ -56,23 +54,19 @@ class FilterInC(Filter):
             self.gains = original.gains  # type: ignore[attr-defined]
         n, m = self.model.state.size, self.model.input.size
         self._n, self._m, self._whole = n, m, n + n * n
-        library.filter_predict.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_double]
-        library.filter_correct.argtypes = [ctypes.c_void_p, ctypes.c_int]
-        predict, correct = library.filter_predict_many, library.filter_correct_many
-        predict.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_long, ctypes.c_double]
-        correct.argtypes = [ctypes.c_void_p, ctypes.c_long, ctypes.c_int]
-        predict.restype = correct.restype = None
-        library.filter_first.argtypes = [
-            ctypes.c_void_p, ctypes.c_long, *[ctypes.c_void_p] * 9
-        ]  # fmt: skip
-        library.filter_first.restype = ctypes.c_long
+        hold(library, 'filter_predict', ctypes.c_int, POINTER, POINTER, NUMBER)
+        hold(library, 'filter_correct', ctypes.c_int, POINTER, ctypes.c_int)
+        hold(library, 'filter_predict_many', None, POINTER, POINTER, COUNT, NUMBER)
+        hold(library, 'filter_correct_many', None, POINTER, COUNT, ctypes.c_int)
+        library.filter_first.argtypes = [POINTER, COUNT, *[POINTER] * 9]
+        library.filter_first.restype = COUNT
         library.filter_size.restype = ctypes.c_ulong
         self._library = library
         self._loop = ctypes.create_string_buffer(library.filter_size())
 
-    def _belief(self, v: Array) -> Gaussian:
+    def _belief(self, v: Array, made: Callable[[tuple[Array, Array]], Gaussian]) -> Gaussian:
         n = self._n
-        return unchecked((v[:n], v[n : self._whole].reshape(n, n)))
+        return made((v[:n], v[n : self._whole].reshape(n, n)))
 
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
         """Return the belief ``dt`` seconds later, with the input ``u`` (m,) held."""
@@ -82,9 +76,10 @@ class FilterInC(Filter):
         v = np.empty(self._whole + self._m + 1)
         v[: self._n], v[self._n : self._whole] = x, P.ravel()
         v[self._whole : -1] = u
-        if self._library.filter_predict(self._loop, _address(_memory(v)), dt):
+        failed = self._library.filter_predict(self._loop, address(memory(v)), dt)
+        if failed == 1:
             raise np.linalg.LinAlgError('the prediction has no finite result')
-        return self._belief(v)
+        return self._belief(v, unchecked if failed else definite)
 
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Return the belief corrected by the reading ``y`` (k,) of ``sensor``."""
@@ -98,10 +93,12 @@ class FilterInC(Filter):
         v = np.empty(whole + k + k * k + 1)
         v[:n], v[n:whole], v[whole : whole + k] = x, P.ravel(), y
         v[whole + k : -1] = sensor.covariance.ravel()
-        if self._library.filter_correct(_address(_memory(v)), index):
+        failed = self._library.filter_correct(address(memory(v)), index)
+        if failed == 1:
             raise np.linalg.LinAlgError('the innovation covariance is not positive definite')
         S = v[whole + k : -1].reshape(k, k)
-        return Correction(self._belief(v), v[whole : whole + k], S, nis=float(v[-1]))
+        posterior = self._belief(v, unchecked if failed else definite)
+        return Correction(posterior, v[whole : whole + k], S, nis=float(v[-1]))
 
     has_first_steps = True
 

@@ -11,7 +11,16 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from kalman_ros.core import Array, Dynamics, Gaussian, Sensor, is_finite, unchecked
+from kalman_ros.core import (
+    Array,
+    Definite,
+    Dynamics,
+    Gaussian,
+    Sensor,
+    definite,
+    is_finite,
+    unchecked,
+)
 from kalman_ros.core.known_names import KnownNames
 from kalman_ros.core.ordered_data import FirstSteps, OrderedData
 from kalman_ros.core.stacked import stacked
@@ -245,8 +254,11 @@ class LinearUpdate(SmoothableFilter):
         """Return x + K innovation, (I - K H) P (I - K H)' + K R K', with K = P H' S^-1."""
         if isinstance(belief, Diffuse):
             return self._begin(belief, y, sensor)
-        mean, covariance, innovation, S, K, H, nis = self.model.corrected(*belief, y, sensor)
-        return Correction(unchecked((mean, covariance)), innovation, S, K, H, nis)
+        mean, covariance, innovation, S, K, H, nis, known = self.model.corrected(
+            *belief, y, sensor
+        )
+        posterior = (definite if known else unchecked)((mean, covariance))
+        return Correction(posterior, innovation, S, K, H, nis)
 
     def _begin(self, belief: Diffuse, y: Array, sensor: Sensor) -> Correction:
         """Return the correction of a belief that knows nothing of some states."""
@@ -267,7 +279,7 @@ def committed(belief: Gaussian) -> tuple[Gaussian, int]:
     numpy.linalg.LinAlgError
         If that is impossible.
     """
-    if isinstance(belief, Diffuse):
+    if isinstance(belief, (Definite, Diffuse)):
         return belief, 0
     if not is_finite(belief.mean):
         raise np.linalg.LinAlgError('the estimate is not finite')

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from kalman_ros import scenario
-from kalman_ros.core import Dynamics
+from kalman_ros.core import Definite, Dynamics, Gaussian
+from kalman_ros.estimators.filters.ekf import ExtendedKalmanFilter
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import from_file
 
@@ -63,10 +64,11 @@ def test_a_reading_corrects_a_belief_as_in_numpy(name, monkeypatch):
             y = sensor.measure(x + rng.standard_normal(x.size))
             found = fast.model.corrected(x, P, y, sensor)
             expected = in_numpy(monkeypatch, fast.model, x, P, y, sensor)
-            for mine, theirs in zip(found[:-1], expected[:-1]):
+            for mine, theirs in zip(found[:-2], expected[:-2]):
                 assert_same(mine, theirs, 1e-9)  # S of three axes in tesla is nearly singular
-            _, _, innovation, S, _, _, nis = found
-            assert expected[-1] is None
+            _, _, innovation, S, _, _, nis, definite = found
+            assert expected[-2] is None
+            assert (definite, expected[-1]) == (True, False)
             assert nis == pytest.approx(innovation @ np.linalg.solve(S, innovation), rel=1e-9)
 
 
@@ -79,7 +81,7 @@ def test_the_noise_of_one_reading_and_a_covariance_by_columns_count(monkeypatch)
         y, R = sensor.measure(x) + 0.1, 3.0 * sensor.covariance
         noisier = sensor.with_covariance(R)
         expected = in_numpy(monkeypatch, fast.model, x, P, y, noisier)
-        for mine, theirs in zip(fast.model.corrected(x, P, y, noisier)[:-1], expected[:-1]):
+        for mine, theirs in zip(fast.model.corrected(x, P, y, noisier)[:-2], expected[:-2]):
             assert_same(mine, theirs)
         given = y.copy(), x.copy(), P.copy(), R.copy()
         fast.model.corrected(x, P, y, noisier)
@@ -96,6 +98,30 @@ def test_what_is_not_positive_definite_or_finite_fails_as_in_numpy():
         with pytest.raises(np.linalg.LinAlgError):
             fast.model.corrected(x, -1e3 * P, y, sensor)
         assert np.isnan(fast.model.corrected(x, P, np.full_like(y, np.nan), sensor)[0]).any()
+
+
+@pytest.mark.parametrize('name', ['robot_3d', 'turn_rate'])
+def test_what_rounding_may_make_indefinite_is_looked_at_by_numpy(name):
+    whole = believed(name)
+    fast = parts(whole.model, whole.sensors)
+    sensor = next(iter(fast.sensors.values()))
+    filter = ExtendedKalmanFilter(fast.model)
+    x, P, _ = next(beliefs(fast.model))
+    u = fast.model.equilibrium.input
+    good = filter.predict(Gaussian(x, P), u, 0.01)
+    assert isinstance(good, Definite)
+    assert isinstance(filter.correct(good, sensor.measure(x), sensor).posterior, Definite)
+    assert type(good._replace(mean=x)) is Gaussian
+    flat = (
+        np.outer(np.ones(len(x)), np.ones(len(x))) * 1e12
+    )  # of rank 1, beside which Q is rounding
+    for doubtful in (flat, 1e200 * P, np.full_like(P, np.nan)):
+        with np.errstate(all='ignore'):
+            try:
+                belief = filter.predict(Gaussian(x, doubtful), u, 1e-6)
+            except np.linalg.LinAlgError:
+                continue
+        assert type(belief) is Gaussian
 
 
 def test_the_sizes_of_another_sensor_are_refused_as_in_numpy():

@@ -1,20 +1,39 @@
 /* What Python calls: a prediction and a correction of a belief, without time and gates. v holds x and
- * P, and behind them what each takes; where it succeeds 0 is returned, and v holds the results.
+ * P, and behind them what each takes, and receives the results. 1 is returned where that fails, 0
+ * where the belief is definite, and otherwise 2.
  */
+
+/* 0 for a belief that is hardly positive definite, or so large that its square is not finite, which
+ * is to be looked at more closely */
+FAST static int definite(const real *x, const real *P)
+{
+    real U[N * N];
+    for (int i = 0; i < N; i++)
+        if (!(fabs(x[i]) < (real)1e150 && P[i * N + i] < (real)1e150))
+            return 0;
+    if (!factored(P, N, 0, U))
+        return 0;
+    for (int i = 0; i < N; i++)
+        if (!(U[i * N + i] * U[i * N + i] > (real)1e-10 * P[i * N + i]))
+            return 0;
+    return 1;
+}
 
 /* behind P: the input */
 int filter_predict(loop_state *s, real *v, real dt)
 {
     for (int j = 0; j < M; j++)
         s->input[j] = v[N + N * N + j];
-    return !predicted(s, dt, v, v + N);
+    if (!predicted(s, dt, v, v + N))
+        return 1;
+    return definite(v, v + N) ? 0 : 2;
 }
 
 /* as many beliefs, one behind the other; those without a finite result become NaN */
 void filter_predict_many(loop_state *s, real *v, long count, real dt)
 {
     for (long i = 0; i < count; i++, v += N + N * N + M)
-        if (filter_predict(s, v, dt))
+        if (filter_predict(s, v, dt) == 1)
             for (int j = 0; j < N + N * N; j++)
                 v[j] = (real)NAN;
 }
@@ -32,14 +51,14 @@ int filter_correct(real *v, int index)
     memcpy(v + N + N * N, c.innovation, (size_t)k * sizeof *v);
     memcpy(v + N + N * N + k, c.S, (size_t)(k * k) * sizeof *v);
     v[N + N * N + k + k * k] = c.nis;
-    return 0;
+    return definite(v, v + N) ? 0 : 2;
 }
 
 void filter_correct_many(real *v, long count, int index)
 {
     const int k = SENSOR[index].size, width = N + N * N + k + k * k + 1;
     for (long i = 0; i < count; i++, v += width)
-        if (filter_correct(v, index))
+        if (filter_correct(v, index) == 1)
             for (int j = 0; j < width; j++)
                 v[j] = (real)NAN;
 }
@@ -50,22 +69,6 @@ typedef struct {
     real limit; /* of the NIS */
     real *innovation, *S, *nis;
 } readings_of_sensor;
-
-/* 0 for a belief that is hardly positive definite, or so large that its square is not finite, which
- * is to be looked at more closely */
-FAST static int definite(const real *x, const real *P)
-{
-    real U[N * N];
-    for (int i = 0; i < N; i++)
-        if (!(fabs(x[i]) < (real)1e150 && P[i * N + i] < (real)1e150))
-            return 0;
-    if (!factored(P, N, 0, U))
-        return 0;
-    for (int i = 0; i < N; i++)
-        if (!(U[i * N + i] * U[i * N + i] > (real)1e-10 * P[i * N + i]))
-            return 0;
-    return 1;
-}
 
 /* Steps of length dt, in which an input acts, one of some, with a sensor that is read behind it, less
  * than 0 for none, and its reading. Each begins at the belief after another one, -1 for the first

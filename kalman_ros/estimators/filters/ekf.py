@@ -32,7 +32,8 @@ class ExtendedKalmanFilter(LinearUpdate):
         if isinstance(belief, Diffuse):
             return self.linearized(belief, u, dt).belief
         count = parts(self.model, dt)
-        return unchecked(self.model.predicted_moments(*belief, u, dt / count, count))
+        moments = self.model.predicted_moments(*belief, u, dt / count, count)
+        return moments if isinstance(moments, Gaussian) else unchecked(moments)
 
     def linearized(self, belief: Gaussian, u: Array, dt: float) -> Prediction:
         """Return the prediction, with F <- F_k F and Q <- F_k Q F_k' + Q_k over its steps."""

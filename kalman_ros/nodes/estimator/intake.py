@@ -27,7 +27,7 @@ from kalman_ros.scenario import Scenario
 #: A clock that goes back by less is out of order, not reset.
 _BACK = Duration(seconds=-0.1)
 #: Seconds between two pieces of work that no message waits for.
-_PAUSE = 0.05
+_PAUSE = 0.1
 #: Seconds after which the time of a message is no longer the present.
 _LONG = 0.05
 #: The most innovations that are published at once in real time.
