@@ -168,7 +168,7 @@ def in_order(
 
 def _collect(groups: Iterable[Messages], budget: Budget) -> Messages:
     """Return messages in order; raise ValueError if the budget does not suffice."""
-    collected = [Messages()]
+    collected = []
     for group in groups:
         budget.work(len(group))
         budget.hold(group.size)

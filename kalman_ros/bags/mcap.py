@@ -3,11 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from struct import Struct, error
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import NamedTuple
 
 MAGIC = b'\x89MCAP0\r\n'
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
@@ -18,15 +15,6 @@ RECORD = Struct('<BQ')
 #: Start of a message: also channel, number, and times of reception and publication in ns.
 MESSAGE_RECORD = Struct('<BQHIQQ')
 MESSAGE_FIELDS = Struct('<HIQQ')
-#: The same fields, of many messages.
-_HEADS = np.dtype(
-    {
-        'names': ('kind', 'length', 'channel', 'time', 'published'),
-        'formats': ('u1', '<u8', '<u2', '<u8', '<u8'),
-        'offsets': (0, 1, 9, 15, 23),
-    }
-)
-_LENGTH = Struct('<xQ')
 #: Start of a chunk: the first and the last time, the size and the CRC of its content.
 CHUNK_FIELDS = Struct('<QQQI')
 U16, U32, U64 = Struct('<H'), Struct('<I'), Struct('<Q')
@@ -54,28 +42,6 @@ def channel(number: int, schema_number: int, topic: str, metadata: dict[str, str
     pairs = b''.join(text(key) + text(value) for key, value in metadata.items())
     start = U16.pack(number) + U16.pack(schema_number) + text(topic) + text('cdr')
     return record(CHANNEL, start + U32.pack(len(pairs)) + pairs)
-
-
-def starts(data: bytes) -> Iterator[int]:
-    """Yield where the records of a chunk begin that may be messages, as to their length.
-
-    Raises
-    ------
-    ValueError
-        At the end, if a record is longer than the chunk.
-    """
-    at, last, length = 0, len(data) - MESSAGE_RECORD.size, _LENGTH.unpack_from
-    while at <= last:
-        yield at
-        at += RECORD.size + length(data, at)[0]
-    if at > len(data):
-        raise ValueError('a message is longer than its chunk')
-
-
-def heads(data: bytes, starts: Sequence[int]) -> Any:
-    """Return what stands at some places (N,), with the fields of `MESSAGE_RECORD`."""
-    everywhere = len(data) - MESSAGE_RECORD.size + 1
-    return np.ndarray((everywhere,), _HEADS, data, strides=(1,))[starts]
 
 
 class Channel(NamedTuple):

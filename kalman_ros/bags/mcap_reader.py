@@ -11,11 +11,8 @@ import os
 from collections import deque
 from collections.abc import Collection, Iterator
 from functools import partial
-from itertools import islice
 from pathlib import Path
 from zlib import crc32
-
-import numpy as np
 
 from . import mcap
 from .blocks import GROUP, Block, Messages
@@ -146,29 +143,29 @@ class McapFile:
         data = part.read(self._path, budget)
         if crc and crc32(data) != crc:
             raise ValueError(f'the chunk at byte {part.at} is damaged: its checksum differs')
-        starts = mcap.starts(data)
-        while group := list(islice(starts, GROUP)):
-            yield self._messages(data, group, topics, budget)
-
-    def _messages(
-        self, data: bytes, starts: list[int], topics: Collection[str], budget: Budget
-    ) -> Messages:
-        """Return the messages of some topics among the records that begin at some places."""
-        heads, channels = mcap.heads(data, starts), self._channels
-        kind = heads['kind']
-        for at in np.flatnonzero((kind == mcap.SCHEMA) | (kind == mcap.CHANNEL)).tolist():
-            begin, length = starts[at] + mcap.RECORD.size, int(heads['length'][at])
-            if length < _MOST:
-                self._learn(int(kind[at]), data[begin : begin + length], budget)
-        numbers = [number for number, channel in channels.items() if channel.topic in topics]
-        wanted = np.flatnonzero((kind == mcap.MESSAGE) & np.isin(heads['channel'], numbers))
-        budget.work(len(starts) - len(wanted))
-        heads, begin = heads[wanted], np.array(starts)[wanted]
-        end = begin + mcap.RECORD.size + heads['length'].astype(int)
-        content = zip((begin + mcap.MESSAGE_RECORD.size).tolist(), end.tolist())
-        return Messages(
-            heads['time'].tolist(),
-            [channels[number].topic for number in heads['channel'].tolist()],
-            [data[start:stop] for start, stop in content],
-            heads['published'].tolist(),
-        )
+        unpack, size = mcap.MESSAGE_RECORD.unpack_from, mcap.MESSAGE_RECORD.size
+        channels, unwanted, messages = self._channels, 0, Messages()
+        times, names, contents, publications = messages.columns
+        at, last = 0, len(data) - size
+        while at <= last:
+            kind, length, number, _, time, published = unpack(data, at)
+            end = at + mcap.RECORD.size + length
+            if end > len(data):
+                raise ValueError('a message is longer than its chunk')
+            channel = channels.get(number) if kind == mcap.MESSAGE else None
+            if channel is not None and channel.topic in topics:
+                times.append(time)
+                names.append(channel.topic)
+                contents.append(data[at + size : end])
+                publications.append(published)
+                if len(times) == GROUP:
+                    yield messages
+                    messages = Messages()
+                    times, names, contents, publications = messages.columns
+            else:
+                unwanted += 1
+                if kind in (mcap.SCHEMA, mcap.CHANNEL) and length < _MOST:
+                    self._learn(kind, data[at + mcap.RECORD.size : end], budget)
+            at = end
+        budget.work(unwanted)
+        yield messages
