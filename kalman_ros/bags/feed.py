@@ -70,6 +70,8 @@ class Feed:
         Recording that is replayed.
     resolve
         Function that returns the full name of a topic.
+    length
+        Seconds that are replayed.
 
     Raises
     ------
@@ -77,12 +79,16 @@ class Feed:
         If the recording lacks a topic, or has it with another type.
     """
 
-    def __init__(self, settings: Settings, bag: Bag, resolve: Callable[[str], str]) -> None:
+    def __init__(
+        self, settings: Settings, bag: Bag, resolve: Callable[[str], str], length: float
+    ) -> None:
         self.lockstep = _has_ticks(bag, resolve(TICK))
         self.settings = settings = settings.in_lockstep(self.lockstep)
         learn_layouts(on=settings.options.learn_layouts)
         scenario = settings.scenario
-        self._many_at_once = _is_long(bag, scenario) and not (self.lockstep or self._publishes)
+        rates = sum(source.timed.rate for source in scenario.enabled.values())
+        one_by_one = self.lockstep or self._publishes
+        self._many_at_once = length * rates > _LONG and not one_by_one
         estimation = settings.fusion(many=self._many_at_once)
         self.online = settings.estimator(estimation)
         self.origin = settings.origin()
@@ -410,12 +416,6 @@ class Feed:
         if self.recording is not None:
             for reading in fused:
                 self.recording.publish_innovation(self._received, reading)
-
-
-def _is_long(bag: Bag, scenario: Scenario) -> bool:
-    """Return whether a recording has many readings, as to the rates of the sensors."""
-    rates = sum(source.timed.rate for source in scenario.enabled.values())
-    return (bag.end - bag.start) * 1e-9 * rates > _LONG
 
 
 def _has_ticks(bag: Bag, topic: str) -> bool:

@@ -163,7 +163,7 @@ def replay_bag(
         if folder in (source, source.parent):
             raise ValueError(f"out: expected another folder than that of the recording, '{out}'")
     resolve = resolver(namespace)
-    feed = Feed(settings, bag, resolve)
+    feed = Feed(settings, bag, resolve, min(end, seconds(bag.end, bag.start)) - start)
     final = (
         FinalBeliefs(feed.online, len(feed.settings.scenario.model.input.names))
         if smooth
