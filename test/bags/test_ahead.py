@@ -125,6 +125,10 @@ def framed(k, message):
     message.header.frame_id = 'rail'
 
 
+def long(k, message):
+    message.header.frame_id = 'rail' * (100 if k % 40 < 3 else 1)
+
+
 def lacking(k, message):
     if k == 200:
         message.name, message.position = ['cart'], message.position[:1]
@@ -150,6 +154,8 @@ REFUSED = {**SHARED, 'pole.gate': 0.5, 'gate_recover_after': 0}
 
 HOSTILE = [
     *((change, None, SHARED) for change in (outsize, framed, cut, lacking)),
+    (long, None, {**SHARED, 'max_message_size': 300}),
+    (long, None, {'max_message_size': 300}),
     (lambda k, message: None, None, REFUSED),
     (lambda k, message: None, None, {**SHARED, 'joint_states.gate': 0.5, 'gate_recover_after': 3}),
     (outsize, None, {}),

@@ -179,6 +179,17 @@ def test_no_more_than_what_overlaps_is_in_memory():
     assert sum(map(len, stream)) == 970
 
 
+def test_messages_of_one_time_are_in_the_order_of_the_file_and_limits_are_part_of_a_part():
+    def block(content, *times):
+        messages = Messages.of(Message(time, '/t', content) for time in times)
+        return Block(times[0], times[-1], lambda topics, budget: [messages])
+
+    overlapping = [block(b'a', 0, 5, 9), block(b'b', 5, 9, 10), block(b'c', 5, 6)]
+    batches = in_order(overlapping, {'/t'}, Budget(0), 5, 9)
+    found = [(message.time, message.data) for batch in batches for message in batch]
+    assert found == [(5, b'a'), (5, b'b'), (5, b'c'), (6, b'c'), (9, b'a'), (9, b'b')]
+
+
 @pytest.mark.slow
 def test_a_response_that_was_received_first_is_not_before_its_cause():
     received = [(10, 5), (11, 9), (12, 7), (10**10, 10**10), (10**10 + 1, None)]
