@@ -115,6 +115,7 @@ def test_what_rounding_may_make_indefinite_is_looked_at_by_numpy(name):
     flat = (
         np.outer(np.ones(len(x)), np.ones(len(x))) * 1e12
     )  # of rank 1, beside which Q is rounding
+    assert type(filter.correct(Gaussian(x, flat), sensor.measure(x), sensor).posterior) is Gaussian
     for doubtful in (flat, 1e200 * P, np.full_like(P, np.nan)):
         with np.errstate(all='ignore'):
             try:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from thorough import mostly_thorough
 
-from kalman_ros.core import Gaussian
+from kalman_ros.core import Definite, Gaussian
 from kalman_ros.estimators.filter import SmoothableFilter
 from kalman_ros.pipeline.settings import settings
 from kalman_ros.scenario import shipped
@@ -64,6 +64,16 @@ def test_readings_are_weighed_as_in_python():
     assert noise[0] != 1.0
     assert noise[1] == pytest.approx(noise[0], rel=1e-9)
     np.testing.assert_allclose(found[1], found[0], rtol=1e-9)
+
+
+def test_what_rounding_may_make_indefinite_is_looked_at_by_python():
+    c = estimation('cart_pole', arithmetic='c')
+    sensor, u = c.sensors['joint_states'], np.zeros(1)
+    good = c.filter.predict(c.initial, u, 0.01)
+    flat = Gaussian(good.mean, np.full((4, 4), 1e12))  # of rank 1
+    for belief, kind in ((good, Definite), (flat, Gaussian)):
+        assert type(c.filter.correct(belief, np.zeros(2), sensor).posterior) is kind
+        assert type(c.filter.predict(belief, u, 1e-6)) is kind
 
 
 def test_what_has_no_result_fails_as_in_python():
