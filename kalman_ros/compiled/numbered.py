@@ -10,6 +10,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -68,8 +69,11 @@ def hold(library: Any, name: str, result: Any, *arguments: Any) -> None:
 
     To give that back and take it again takes longer than a step.
     """
-    function = ctypes.PYFUNCTYPE(result, *arguments)(function_address(getattr(library, name)))
-    setattr(library, name, function)
+    setattr(library, name, _kind(result, *arguments)(function_address(getattr(library, name))))
+
+
+#: A type of functions that keep the lock, made once.
+_kind: Any = lru_cache(ctypes.PYFUNCTYPE)
 
 
 def declare(library: Any, name: str, *arguments: Any) -> None:

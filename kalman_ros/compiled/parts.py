@@ -84,7 +84,7 @@ def parts(
     """
     arithmetic = chosen(arithmetic)
     if arithmetic not in (COMPILED, NUMPY):
-        name = f'{VARIABLE} in the environment' if VARIABLE in os.environ else 'arithmetic'
+        name = f'{VARIABLE} in the environment' if os.environ.get(VARIABLE) else 'arithmetic'
         raise ValueError(f"{name}: expected {COMPILED} or {NUMPY}, got '{arithmetic}'")
     if arithmetic == NUMPY:
         return Parts(model, {**sensors}, {})

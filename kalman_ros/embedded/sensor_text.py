@@ -39,7 +39,8 @@ def sensor_texts(loop: Loop, names: Names) -> list[str]:
             f'ANGLES_{suffix}}},\n'
         )
     table = f'static const sensor SENSOR[] = {{\n{"".join(rows)}}};\n'
-    differences = [text('differences.c')] if any(_DIFFERENCED in part for part in texts) else []
+    differenced = any(f'{_DIFFERENCED}(' in part for part in texts)
+    differences = [text('differences.c')] if differenced else []
     return [text('sensors.c'), *differences, *texts, table, _arrived(loop.space)]
 
 
