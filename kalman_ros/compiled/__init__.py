@@ -80,18 +80,15 @@ def attempt(
     Without ``wait``, what no earlier start has compiled is left to CasADi. An object that is
     ``one_of_many`` stays as it is if others like it had to be traced again.
     """
-    if isinstance(original, Dynamics):
-        gains = not original.is_linear
-    else:
-        gains = bool(original.output.rotations) or not original.linear
-    if not gains:
-        return Outcome(original, 'numpy')
     if not is_available():
-        return Outcome(original, 'numpy', 'CasADi is not installed')
+        gains = not _is_linear(original)
+        return Outcome(original, 'numpy', 'CasADi is not installed' if gains else '')
     from .derived import Derived
 
     if isinstance(original, Derived):
         return Outcome(original, original.arithmetic)
+    if _is_linear(original):
+        return _linear(original, state, wait, one_of_many)
     try:
         import_module('casadi')
     except Exception as error:
@@ -102,6 +99,32 @@ def attempt(
         return Outcome(original, 'numpy', str(error))
     except Exception as error:  # functions of a user, CasADi and compilers fail in any way
         return Outcome(original, 'numpy', _in_a_line(error))
+
+
+def _is_linear(original: Dynamics | Sensor) -> bool:
+    """Return whether functions are products with constant matrices."""
+    if isinstance(original, Dynamics):
+        return original.is_linear
+    return original.linear and not original.output.rotations
+
+
+def _linear(original: Any, state: Space | None, wait: bool, one_of_many: bool) -> Outcome:
+    """Return a linear part whose beliefs, one at a time, are predicted and corrected in C."""
+    from . import native_linear as native
+    from .library import CompilerError
+
+    try:
+        if one_of_many:
+            return Outcome(original, 'numpy')
+        if isinstance(original, Sensor):
+            return Outcome(native.numbered_sensor(original, state or original.state), 'numpy')
+        if native.is_small(original):
+            return Outcome(native.native_linear_system(original, wait=wait), 'C')
+    except CompilerError as error:
+        return Outcome(original, 'numpy', pending=error.pending)
+    except Exception:
+        pass  # a function of a user may fail in any way, which is reported where it is used
+    return Outcome(original, 'numpy')
 
 
 def _verified(original: Any, state: Space | None, wait: bool, one_of_many: bool) -> Outcome:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
@@ -15,23 +15,20 @@ from kalman_ros.core import (
     Array,
     DiscreteModel,
     Dynamics,
+    Gaussian,
     LinearizedStep,
     Model,
-    Sensor,
-    definite,
     is_finite,
+    unchecked,
 )
 from kalman_ros.core.discrete_model import MOST_PERIODS, TOLERANCE
-from kalman_ros.core.dynamics import CorrectedMoments
 from kalman_ros.core.model import like
-from kalman_ros.core.ordered_data import FirstSteps, OrderedData, StepMatrices
 
 from .derived import derive
 from .formulas import of_discrete_model, of_model
 from .free_parameters import Parameters, freed
 from .library import load
-from .native_pass import MOST_STATES, run, run_first
-from .native_pass import declare as declare_pass
+from .native_recursion import MOST_READ, NativeRecursion, declare_recursion
 from .native_sensor import sensor_source
 from .native_space import native_space
 from .numbered import (
@@ -51,19 +48,14 @@ from .source import source
 #: C of the matrices of a step in continuous time.
 FLOW = 'series.c', 'matrices.c', 'flow.c'
 _CONTINUOUS = (
-    *FLOW, 'step.c', 'lanes.c', 'series.c', 'flows.c', 'members.c', 'rates.c', 'pass.c'
+    *FLOW, 'step.c', 'lanes.c', 'series.c', 'flows.c', 'beliefs.c', 'members.c', 'rates.c',
+    'pass.c'
 )  # fmt: skip
-_DISCRETE = 'matrices.c', 'sampled.c', 'lanes.c', 'members.c', 'pass.c'
-#: Most numbers of a reading for which C corrects many members.
-MOST_READ = 12
+_DISCRETE = 'matrices.c', 'sampled.c', 'lanes.c', 'beliefs.c', 'members.c', 'pass.c'
 
 
-class NativeDynamics(Numbered, Dynamics):
+class NativeDynamics(Numbered, NativeRecursion):
     """A model whose steps and linearisations are computed in C."""
-
-    _c_shapes: tuple[tuple[int], tuple[int]]
-    #: The address of `NativeSpace.arrived`; 0 without rotations.
-    _c_arrived: int
 
     def _c_alike(self, other: Any) -> bool:
         return super()._c_alike(other) and bool(other.max_step == self.max_step)
@@ -95,27 +87,13 @@ class NativeDynamics(Numbered, Dynamics):
         function(address(memory(v)), count, *arguments, self._c_p, self._c_sets)
         return v[last:-1]
 
-    def predicted_moments(
-        self, x: Array, P: Array, u: Array, dt: float, number: int = 1
-    ) -> tuple[Array, Array]:
-        """Return means (..., n) and covariances (..., n, n) after linearised steps."""
-        n = x.shape[-1]
+    def _c_predicted(self, x: Array, P: Array, u: Array, dt: float, number: int) -> Gaussian:
+        """Return the `predicted_moments` of many beliefs."""
         if x.ndim == 1:
-            if (x.shape, u.shape) != self._c_shapes:
-                return super().predicted_moments(x, P, u, dt, number)
-            covariances = P
-        else:
-            u, covariances = like(u, x), np.broadcast_to(P, (*x.shape, n))
-        step = self._c_library.predictions
-        lengths = dt, self.max_step, number
-        if x.ndim == 1:
-            moments = self._c_called(step, x, u, n + n * n + 1, *lengths, behind=P)
-            assert moments is not None  # the shapes are right
-            if moments[-1] == 1.0:
-                return definite((moments[:n], moments[n:-1].reshape(n, n)))
-            if not is_finite(moments):
-                return super().predicted_moments(x, P, u, dt, number)
-            return moments[:n], moments[n:-1].reshape(n, n)
+            return super()._c_predicted(x, P, u, dt, number)
+        n, u = x.shape[-1], like(u, x)
+        covariances = np.broadcast_to(P, (*x.shape, n))
+        step, lengths = self._c_library.predictions, (dt, self.max_step, number)
         moments = self._c_called(step, x, u, n + n * n, *lengths, behind=covariances)
         if moments is None:
             raise ValueError(f'x, u: expected (..., n) and (..., m), got {x.shape}, {u.shape}')
@@ -128,7 +106,7 @@ class NativeDynamics(Numbered, Dynamics):
                     F, Q = _linearized(original, at, input, dt)
                     at, C = original.step(at, input, dt), F @ C @ F.T + Q
                 covariance[k] = C
-        return mean.reshape(x.shape), covariance.reshape(covariances.shape)
+        return unchecked((mean.reshape(x.shape), covariance.reshape(covariances.shape)))
 
     def corrected_moments(
         self, x: Array, P: Array, H: Array, R: Array, innovation: Array
@@ -153,43 +131,6 @@ class NativeDynamics(Numbered, Dynamics):
         mean, covariance, K, S = results
         return mean, covariance, K, S, v[at:].reshape(lead)
 
-    def corrected(self, x: Array, P: Array, y: Array, sensor: Any) -> CorrectedMoments:
-        """Return the belief x, P after a reading y (..., k) of a sensor, with what led there."""
-        n, k, R = x.shape[-1], y.shape[-1], sensor.covariance
-        if ((n,), (k,), (n, n), (k, k)) != (x.shape, y.shape, P.shape, R.shape):
-            return super().corrected(x, P, y, sensor)
-        if (n,) != self._c_shapes[0] or k > MOST_READ or n > MOST_STATES:
-            return super().corrected(x, P, y, sensor)
-        at_H = n + n * n
-        at_R = at_H + k * n
-        at_e = at_R + k * k
-        mean = at_e + k
-        covariance = mean + n
-        K = covariance + n * n
-        S = K + n * k
-        v = np.empty(S + k * k + 1)
-        v[:n], v[n:at_H], v[at_R:at_e] = x, P.ravel(), R.ravel()
-        if getattr(sensor, '_c_sets', 0) == 1 and sensor._c_shapes == (x.shape, y.shape):
-            reads = sensor._c_reads
-            v[at_e:mean] = y
-        else:
-            reads = 0, 0, 0, 0
-            v[at_H:at_R] = sensor.jacobian(x).ravel()
-            v[at_e:mean] = sensor.output.subtract(y, sensor.measure(x))
-        failed = self._c_library.correction(address(memory(v)), k, *reads, self._c_arrived)
-        if failed == 1:
-            return super().corrected(x, P, y, sensor)  # which finds out what is wrong
-        return (
-            v[mean:covariance],
-            v[covariance:K].reshape(n, n),
-            v[at_e:mean],
-            v[S:-1].reshape(k, k),
-            v[K:S].reshape(n, k),
-            v[at_H:at_R].reshape(k, n),
-            float(v[-1]),
-            not failed,
-        )
-
     def noisy_step(self, x: Array, u: Array, dt: float, normal: Array) -> Array:
         """Return the states (..., n) after a step with the noise of standard normal numbers."""
         states, u = None, like(u, x)
@@ -210,31 +151,6 @@ class NativeDynamics(Numbered, Dynamics):
         v[: P.size] = P.ravel()
         self._c_library.factors(address(memory(v)), P.size // (n * n))
         return v[P.size : -1].reshape(P.shape)
-
-    def filter_pass(
-        self,
-        belief: tuple[Array, Array],
-        data: OrderedData,
-        parts: Any,
-        sensors: Sequence[Sensor],
-        limits: Sequence[float],
-        kept: bool = True,
-    ) -> StepMatrices | None:
-        """Return the matrices of an extended filter that processes data in order."""
-        return run(self, belief, data, parts, sensors, limits, kept, MOST_READ)
-
-    has_first_steps = True
-
-    def first_steps(
-        self,
-        belief: tuple[Array, Array],
-        data: OrderedData,
-        parts: Any,
-        sensors: Sequence[Sensor],
-        limits: Sequence[float],
-    ) -> FirstSteps | None:
-        """Return the steps of an extended filter before a reading beyond its limit."""
-        return run_first(self, belief, data, parts, sensors, limits, MOST_READ)
 
     def step(self, x: Array, u: Array, dt: float) -> Array:
         """Return the state (..., n) after ``dt`` seconds with ``u`` held, without noise."""
@@ -363,10 +279,8 @@ def _declare(library: Any) -> None:
     hold(library, 'factors', None, POINTER, COUNT)
     declare(library, 'noises', NUMBER)
     declare(library, 'linearized_steps', NUMBER, NUMBER)
-    declare(library, 'predictions', NUMBER, NUMBER, COUNT)
     hold(library, 'corrections', None, POINTER, COUNT, COUNT)
-    hold(library, 'correction', ctypes.c_int, POINTER, COUNT, *[POINTER] * 5)
-    declare_pass(library)
+    declare_recursion(library)
 
 
 def _constants(model: Dynamics, parameters: Parameters) -> dict[str, float]:

@@ -12,22 +12,26 @@ import numpy as np
 from kalman_ros.core import Array, Sensor
 from kalman_ros.core.ordered_data import FirstSteps, OrderedData, ReadingMatrices, StepMatrices
 
-from .native_space import turns
-from .numbered import function_address
+from .numbered import COUNT, NUMBER, POINTER, function_address, turns
 
-_POINTER, _LONG, _DOUBLE = ctypes.c_void_p, ctypes.c_long, ctypes.c_double
 #: Most states of a pass in C, the matrices of which are on the stack.
 MOST_STATES = 100
+
+
+def matrix_numbers(sensor: Sensor, n: int) -> Array:
+    """Return H row by row, and what a linear sensor reads at the origin."""
+    origin = np.zeros(n)
+    return np.concatenate((sensor.jacobian(origin).ravel(), sensor.measure(origin)))
 
 
 class _Sensor(ctypes.Structure):
     """``struct sensor`` of ``pass.c``."""
 
     _fields_ = (
-        ('sensed', _POINTER), ('p', _POINTER), ('subtract', _POINTER), ('turns', _POINTER),
-        ('limit', _DOUBLE), ('k', _LONG), ('y', _POINTER), ('R', _POINTER),
-        *((name, _POINTER) for name in ReadingMatrices._fields),
-        ('square', _POINTER),
+        ('sensed', POINTER), ('p', POINTER), ('subtract', POINTER), ('turns', POINTER),
+        ('limit', NUMBER), ('k', COUNT), ('y', POINTER), ('R', POINTER),
+        *((name, POINTER) for name in ReadingMatrices._fields),
+        ('square', POINTER),
     )  # fmt: skip
 
 
@@ -35,13 +39,13 @@ class _Sequence(ctypes.Structure):
     """``struct sequence`` of ``pass.c``."""
 
     _fields_ = (
-        ('length', _LONG), ('dt', _POINTER), ('parts', _POINTER), ('input', _POINTER),
-        ('inputs', _POINTER), ('sensor', _POINTER), ('sensors', _POINTER), ('p', _POINTER),
-        ('max_step', _DOUBLE), ('kept', _LONG), ('arrive', _POINTER), ('x', _POINTER),
-        ('P', _POINTER),
-        ('F', _POINTER), ('Q', _POINTER), ('predicted', _POINTER), ('covariance', _POINTER),
-        ('fused', _POINTER), ('means', _POINTER), ('covariances', _POINTER),
-        ('start', _POINTER), ('row', _POINTER),
+        ('length', COUNT), ('dt', POINTER), ('parts', POINTER), ('input', POINTER),
+        ('inputs', POINTER), ('sensor', POINTER), ('sensors', POINTER), ('p', POINTER),
+        ('max_step', NUMBER), ('kept', COUNT), ('arrive', POINTER), ('x', POINTER),
+        ('P', POINTER),
+        ('F', POINTER), ('Q', POINTER), ('predicted', POINTER), ('covariance', POINTER),
+        ('fused', POINTER), ('means', POINTER), ('covariances', POINTER),
+        ('start', POINTER), ('row', POINTER),
     )  # fmt: skip
 
 
@@ -258,8 +262,8 @@ def _functions(sensor: Any, n: int) -> tuple[int, int, Any] | None:
     if output.rotations and not subtract:
         return None
     if getattr(sensor, '_c_sets', 0) == 1:
-        return sensor._c_sensed, subtract, sensor._c_p
+        sensed, numbers, *_ = sensor._c_reads
+        return sensed, subtract, numbers
     if sensor.linear and not output.rotations:
-        rest = np.zeros(n)
-        return 0, 0, np.concatenate((sensor.jacobian(rest).ravel(), sensor.measure(rest)))
+        return 0, 0, matrix_numbers(sensor, n)
     return None

@@ -15,8 +15,8 @@ from .derived import derive
 from .formulas import of_sensor
 from .free_parameters import Parameters, freed
 from .library import load
-from .native_space import native_space, turns
-from .numbered import Numbered, address, declare, function_address, memory, pointed
+from .native_space import native_space
+from .numbered import Numbered, address, declare, function_address, memory, pointed, reads
 from .source import source
 
 
@@ -25,15 +25,10 @@ class NativeSensor(Numbered, Sensor):
 
     _c_size: int
     _c_shapes: tuple[tuple[int], tuple[int]]
-    #: The addresses of the functions that read and subtract, and a whole turn of each angle.
-    _c_sensed: int
-    _c_subtract: int
+    #: A whole turn of each angle.
     _c_turns: Array
-
-    @property
-    def _c_reads(self) -> tuple[int, int, int, int]:
-        """Addresses of the C function that reads, its numbers, its difference and whole turns."""
-        return self._c_sensed, self._c_p, self._c_subtract, address(memory(self._c_turns))
+    #: Addresses of the function that reads, its numbers, the difference, and the turns.
+    _c_reads: tuple[int, int, int, int]
 
     def _c_called(self, function: Callable[..., Any], x: Array, size: int) -> Array | None:
         """Return ``size`` numbers for each of states (..., n); None if that is not their size."""
@@ -82,6 +77,7 @@ def native_sensor(sensor: Sensor, state: Space, *, wait: bool = True) -> Sensor:
     declare(library, 'readings')
     declare(library, 'slopes')
     output = native_space(sensor.output, wait=wait)
+    numbers = pointed(parameters.values)
     derived: Sensor = derive(
         NativeSensor,
         sensor,
@@ -91,10 +87,8 @@ def native_sensor(sensor: Sensor, state: Space, *, wait: bool = True) -> Sensor:
         _c_library=library,
         _c_size=state.size,
         _c_shapes=((state.size,), (output.size,)),
-        _c_sensed=function_address(library.sensed),
-        _c_subtract=function_address(getattr(output, '_c_subtract', None)),
-        _c_turns=turns(output),
-        **pointed(parameters.values),
+        **reads(function_address(library.sensed), numbers['_c_p'], output),
+        **numbers,
     )
     return derived
 

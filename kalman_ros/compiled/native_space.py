@@ -68,11 +68,6 @@ def native_space(space: Space, *, wait: bool = True) -> Space:
     return derived
 
 
-def turns(space: Space) -> Array:
-    """Return a whole turn for each coordinate that is an angle, and 0 for the others."""
-    return np.array([2.0 * np.pi if name in space.angles else 0.0 for name in space.names])
-
-
 @lru_cache(maxsize=32)
 def _space_source(space: Space) -> str:
     return source(['space.c'], {'N': space.size}, of_space(space)._asdict(), {})

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import Array
+from kalman_ros.core import Array, Space
 
 #: The address of a buffer, and a buffer of an array.
 address: Callable[[Any], int] = ctypes.addressof
@@ -90,3 +90,14 @@ def pointed(numbers: Array) -> dict[str, Any]:
     """Return numbers, kept in memory, and their address."""
     kept = np.append(numbers, 0.0)  # none have no address
     return {'_c_numbers': kept, '_c_p': address(memory(kept))}
+
+
+def turns(space: Space) -> Array:
+    """Return a whole turn for each coordinate that is an angle, and 0 for the others."""
+    return np.array([2.0 * np.pi if name in space.angles else 0.0 for name in space.names])
+
+
+def reads(sensed: int, numbers: int, output: Space) -> dict[str, Any]:
+    """Return what C needs of a sensor to read a state: addresses, and the turns behind one."""
+    subtract, whole = function_address(getattr(output, '_c_subtract', None)), turns(output)
+    return {'_c_turns': whole, '_c_reads': (sensed, numbers, subtract, address(memory(whole)))}

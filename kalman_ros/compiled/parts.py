@@ -99,6 +99,6 @@ def parts(
         {
             name: outcome
             for name, outcome in tried.items()
-            if outcome.arithmetic != NUMPY or outcome.reason
+            if outcome.arithmetic != NUMPY or outcome.reason or outcome.pending
         },
     )

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * An extended Kalman filter that processes readings in the order of their times, with the matrices
- * of each step. What stands before this text is members.c, and what that needs.
+ * of each step. What stands before this text is beliefs.c, and what that needs.
  */
 
 typedef void sense(const double *x, const double *p, double *y, double *H);
@@ -77,6 +77,21 @@ INLINE int predicted(const struct sequence *s, long at, int first, double *F, do
     return 1;
 }
 
+/* What a sensor reads at x, and H. */
+INLINE void sense_at(const struct sensor *of, const double *x, double *y, double *H)
+{
+    if (of->sensed) {
+        of->sensed(x, of->p, y, H);
+        return;
+    }
+    memcpy(H, of->p, of->k * N * sizeof *H);
+    for (long r = 0; r < of->k; r++) {
+        y[r] = of->p[of->k * N + r];
+        for (int j = 0; j < N; j++)
+            y[r] += H[r * N + j] * x[j];
+    }
+}
+
 INLINE void difference(const struct sensor *of, const double *y, const double *expected, double *e)
 {
     double v[3 * MOST_READ];
@@ -133,19 +148,19 @@ INLINE void arrived(move *arrive, const double *x, const double *mean, const dou
     memcpy(new_P, arrive ? total + N : v + 2 * N, N * N * sizeof *v);
 }
 
-/* v holds x, P, H, R and the innovation of one reading of k numbers, or where H is to be computed
- * the reading itself, and receives the new x and P, K, S and the square of the whitened innovation
+/* v holds x, P, H, R and the innovation of one reading of k numbers, or where p is given the
+ * reading itself, and receives the new x and P, K, S and the square of the whitened innovation
  * behind them; 1 where that fails, and 2 where the belief is not definite.
  */
 FAST int correction(double *v, long k, sense *sensed, const double *p, move *subtract,
                     const double *turns, move *arrive)
 {
-    const struct sensor of = {.subtract = subtract, .turns = turns, .k = k};
+    const struct sensor of = {.sensed = sensed, .p = p, .subtract = subtract, .turns = turns, .k = k};
     double *H = v + N + N * N, *e = H + k * N + k * k, *mean = e + k, *P = mean + N;
     double L[MOST_READ * MOST_READ], numbers[MOST_READ], expected[MOST_READ];
-    if (sensed) {
+    if (p) {
         memcpy(numbers, e, k * sizeof *e);
-        sensed(v, p, expected, H);
+        sense_at(&of, v, expected, H);
         difference(&of, numbers, expected, e);
     }
     if (!weighed(v, k, L, numbers, P + N * N + N * k + k * k))
@@ -165,16 +180,7 @@ INLINE int fused(const struct sequence *s, struct sensor *of)
     memcpy(v, s->x, N * sizeof *v);
     memcpy(P, s->P, N * N * sizeof *P);
     memcpy(R, of->R, k * k * sizeof *R);
-    if (of->sensed)
-        of->sensed(s->x, of->p, expected, H);
-    else {
-        memcpy(H, of->p, k * N * sizeof *H);
-        for (long r = 0; r < k; r++) {
-            expected[r] = of->p[k * N + r];
-            for (int j = 0; j < N; j++)
-                expected[r] += H[r * N + j] * s->x[j];
-        }
-    }
+    sense_at(of, s->x, expected, H);
     difference(of, of->y, expected, e);
     of->y += k, of->R += k * k;
     if (!weighed(v, k, L, of->whitened, &square))

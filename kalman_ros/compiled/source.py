@@ -1,36 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Formulas as C: each traced function as one that takes vectors and returns numbers."""
+"""Whole files of C: constants, functions, and the files of this package that use them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.resources import files
-from typing import Any
-
-import casadi
+from typing import TYPE_CHECKING, Any
 
 from .library import HEAD
-from .tracing import Trace
+
+if TYPE_CHECKING:
+    from .tracing import Trace
 
 
-def places(name: str, result: Any) -> str:
-    """Return the rows and columns of the numbers of a matrix that are not zero, as C.
-
-    CasADi has them column by column; here they are row by row, as those of the transpose.
-    """
-    columns, rows = result.T.sparsity().get_triplet()
-    text = f'enum {{ {name}_COUNT = {len(rows)} }};\n'
-    for kind, values in (('ROW', rows), ('COLUMN', columns)):
-        listed = ', '.join(map(str, values)) or '0'
-        text += f'static const int {name}_{kind}[] = {{{listed}}};\n'
-    return text
-
-
-def source(
-    endings: Sequence[str],
-    constants: Mapping[str, float],
-    traces: Mapping[str, Trace],
-    sparse: Mapping[str, Trace],
+def text(
+    endings: Sequence[str], constants: Mapping[str, float], head: str = HEAD, *definitions: str
 ) -> str:
     """Return a whole file of C.
 
@@ -40,18 +24,59 @@ def source(
         The names of the files of this package that use all that is before them.
     constants
         Numbers by name.
+    head
+        Its beginning.
+    definitions
+        What stands between constants and endings.
+    """
+    defined = ''.join(f'#define {name} {value}\n' for name, value in constants.items())
+    texts = (files(__package__).joinpath(ending).read_text() for ending in endings)
+    return '\n'.join((head, defined, *definitions, *texts))
+
+
+def places(name: str, numbers: Iterable[tuple[int, int]]) -> str:
+    """Return rows and columns of the numbers of a matrix, row by row, as C."""
+    listed = [*zip(*numbers)] or [(), ()]
+    count = len(listed[0])
+    declared = f'enum {{ {name}_COUNT = {count} }};\n'
+    for kind, values in zip(('ROW', 'COLUMN'), listed):
+        initial = ', '.join(map(str, values)) or '0'
+        declared += f'static const int {name}_{kind}[] = {{{initial}}};\n'
+    return declared
+
+
+def not_zero(matrix: Any) -> list[tuple[int, int]]:
+    """Return the places of the numbers of a matrix of CasADi, row by row."""
+    columns, rows = matrix.T.sparsity().get_triplet()  # CasADi has them column by column
+    return [*zip(rows, columns)]
+
+
+def source(
+    endings: Sequence[str],
+    constants: Mapping[str, float],
+    traces: Mapping[str, Trace],
+    sparse: Mapping[str, Trace],
+) -> str:
+    """Return a whole file of C of traced functions.
+
+    Parameters
+    ----------
+    endings, constants
+        As of `text`.
     traces
         Functions by name; each becomes ``name(v0, v1, ..., result)``.
     sparse
         Those of which the `places` are defined, by the name of the matrix.
     """
+    import casadi  # which what needs no formulas does without
+
     generator = casadi.CodeGenerator('generated.c', {'with_header': False})
     wrappers = []
     for name, trace in traces.items():
         by_rows = any(trace is matrix for matrix in sparse.values())
         # a number that is always zero is left out by CasADi, but has its place in a vector
         stored = trace.result.T if by_rows else casadi.densify(trace.result)
-        function = Trace(trace.variables, stored).function(f'generated_{name}')
+        function = trace._replace(result=stored).function(f'generated_{name}')
         generator.add(function)
         arguments = ', '.join(f'v{k}' for k in range(function.n_in()))
         parameters = ', '.join(f'const double *v{k}' for k in range(function.n_in()))
@@ -62,7 +87,5 @@ def source(
             f'    casadi_int iw[{function.sz_iw() + 1}];\n'
             f'    generated_{name}(arg, res, iw, w, 0);\n}}\n'
         )
-    defined = [f'#define {name} {value}\n' for name, value in constants.items()]
-    defined += [places(name, trace.result) for name, trace in sparse.items()]
-    texts = (files(__package__).joinpath(ending).read_text() for ending in endings)
-    return '\n'.join((HEAD, generator.dump(), ''.join(defined), *wrappers, *texts))
+    sparsity = ''.join(places(name, not_zero(trace.result)) for name, trace in sparse.items())
+    return text(endings, constants, f'{HEAD}\n{generator.dump()}', sparsity, *wrappers)

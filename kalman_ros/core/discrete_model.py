@@ -10,7 +10,7 @@ import numpy as np
 
 from kalman_ros.linear.matrices import Array, ArrayLike, matrix, semidefinite, symmetric
 
-from .dynamics import Dynamics, Transition
+from .dynamics import Dynamics, LinearDynamics, Transition
 from .model import like, numerical_jacobian
 from .space import Space, no_rotation
 
@@ -109,7 +109,7 @@ class DiscreteModel(Dynamics):
         return count
 
 
-class DiscreteLinearSystem(DiscreteModel):
+class DiscreteLinearSystem(LinearDynamics, DiscreteModel):
     """x' = F x + G u + w, w ~ N(0, Q), once every ``period`` seconds.
 
     Parameters
@@ -127,8 +127,6 @@ class DiscreteLinearSystem(DiscreteModel):
         If a matrix has the wrong shape, is not finite, or Q is not positive semi-definite; or if
         the state has rotations, whose motion is never linear.
     """
-
-    is_linear = True
 
     def __init__(
         self,

@@ -14,6 +14,7 @@ from kalman_ros.linear.batched import factor, semidefinite_factor, times
 from kalman_ros.linear.kernels import corrected_moments, kernels
 from kalman_ros.linear.matrices import Array
 
+from .gaussian import Gaussian, unchecked
 from .ordered_data import FirstSteps, OrderedData, StepMatrices
 from .space import Space
 
@@ -135,15 +136,12 @@ class Dynamics(ABC):
 
     def predicted_moments(
         self, x: Array, P: Array, u: Array, dt: float, number: int = 1
-    ) -> tuple[Array, Array]:
-        """Return the state after steps of length ``dt``, and F P F' + Q of each, in turn.
-
-        It is a `Gaussian` where it is known to be finite and positive definite.
-        """
+    ) -> Gaussian:
+        """Return the state after steps of length ``dt``, and F P F' + Q of each, in turn."""
         for _ in range(number):
             x, F, Q = self.linearized_step(x, u, dt)
             P = kernels(x).sandwich(F, P, Q)
-        return x, P
+        return unchecked((x, P))
 
     def noisy_step(self, x: Array, u: Array, dt: float, normal: Array) -> Array:
         """Return the states (..., n) after a step with the noise of standard normal numbers."""
@@ -221,3 +219,22 @@ class Dynamics(ABC):
     def step_noise(self, x: Array, u: Array, dt: float) -> Array:
         """Return the Q of `linearized_step`."""
         return self.linearized_step(x, u, dt).Q
+
+
+class LinearDynamics(Dynamics):
+    """A system whose step is x' = F x + G u + w, whatever x and u are."""
+
+    is_linear = True
+
+    @abstractmethod
+    def sampled(self, dt: float) -> Transition:
+        """Return the exact step of length ``dt``."""
+
+    def predicted_moments(
+        self, x: Array, P: Array, u: Array, dt: float, number: int = 1
+    ) -> Gaussian:
+        """Return F x + G u and F P F' + Q after steps of length ``dt``, in turn."""
+        k, (F, G, Q) = kernels(x), self.sampled(dt)
+        for _ in range(number):
+            x, P = self.state.wrap(k.affine(F, x, G, u)), k.sandwich(F, P, Q)
+        return unchecked((x, P))

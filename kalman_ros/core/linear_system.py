@@ -8,7 +8,7 @@ import numpy as np
 from kalman_ros.linear.discretize import Discretization
 from kalman_ros.linear.matrices import Array, ArrayLike, matrix, semidefinite
 
-from .dynamics import Dynamics, Transition
+from .dynamics import Dynamics, LinearDynamics, Transition
 from .model import Model, in_continuous_time
 from .space import Space, no_rotation
 
@@ -16,7 +16,7 @@ from .space import Space, no_rotation
 _REMEMBERED = 64
 
 
-class LinearSystem(Model):
+class LinearSystem(LinearDynamics, Model):
     """dx/dt = A x + B u + w, with w white noise of spectral density W.
 
     Parameters
@@ -34,8 +34,6 @@ class LinearSystem(Model):
         If a matrix has the wrong shape, is not finite, or W is not positive semi-definite; or if
         the state has rotations, whose motion is never linear.
     """
-
-    is_linear = True
 
     def __init__(
         self, A: ArrayLike, B: ArrayLike, W: ArrayLike, state: Space, input: Space
@@ -77,6 +75,11 @@ class LinearSystem(Model):
     def transition(self, x: Array, u: Array, dt: float) -> Transition:
         """Return the exact step; x and u do not matter."""
         return self.sampled(dt)
+
+    @property
+    def series(self) -> tuple[float, Array]:
+        """The terms of which `sampled` is the sum: see `Discretization.series`."""
+        return self._discretization.series
 
     def sampled(self, dt: float) -> Transition:
         """Return the exact step of length ``dt``, cached for the next call."""

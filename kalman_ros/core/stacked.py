@@ -18,7 +18,7 @@ from kalman_ros.linear.discretize import flow, noise_integral
 from kalman_ros.linear.matrices import Array
 
 from .discrete_model import DiscreteModel
-from .dynamics import Dynamics, LinearizedStep, OperatingPoint, Transition
+from .dynamics import Dynamics, LinearDynamics, LinearizedStep, OperatingPoint, Transition
 from .model import Model, like, numerical_jacobian
 from .sensor import Sensor
 from .vectorized import vectorized
@@ -130,10 +130,8 @@ class StackedModel(_Stacked, Model):
         return _guarded(_noise_alone, A, self._noise(x), dt)[0]
 
 
-class StackedLinearModel(_Stacked):
+class StackedLinearModel(LinearDynamics, _Stacked):
     """A linear model; F and Q are (n, n), the same for all states."""
-
-    is_linear = True
 
     def sampled(self, dt: float) -> Transition:
         """Return the step of length ``dt``."""

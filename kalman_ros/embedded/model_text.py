@@ -11,13 +11,13 @@ import numpy as np
 from kalman_ros.compiled.formulas import of_discrete_model, of_model
 from kalman_ros.compiled.free_parameters import Parameters
 from kalman_ros.compiled.native_model import FLOW
-from kalman_ros.compiled.source import places
+from kalman_ros.compiled.source import not_zero, places
 from kalman_ros.compiled.tracing import Trace, trace
 from kalman_ros.core.discrete_model import MOST_PERIODS
 from kalman_ros.core.model import MOST_SUBSTEPS
 
 from .expressions import function, number, numbers
-from .texts import constant, constant_places, probes, shared, text
+from .texts import constant, probes, shared, text
 
 
 def model_texts(model: Any, *, points: bool) -> list[str]:
@@ -60,8 +60,8 @@ def _continuous(model: Any) -> list[str]:
         '#define ORDER (N + M)\n',
         constant('jacobian', whole, 'xup'),
         constant('density', density, 'xp'),
-        constant_places('A', whole),
-        constant_places('W', density),
+        places('A', zip(*np.nonzero(whole))),
+        places('W', zip(*np.nonzero(density))),
         *map(shared, FLOW),
         text('sample.c'),
     ]
@@ -110,4 +110,4 @@ def _sparse(formulas: Iterable[tuple[str, str, Trace, str]]) -> Iterator[str]:
     """Yield functions of matrices, each with where its numbers are."""
     for key, name, formula, arguments in formulas:
         yield function(name, formula, [*arguments], by_rows=True, dense=False)
-        yield places(key, formula.result)
+        yield places(key, not_zero(formula.result))

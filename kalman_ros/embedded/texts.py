@@ -108,13 +108,3 @@ def constant(name: str, matrix: Array, arguments: Sequence[str]) -> str:
     listed = ', '.join(f'const real *{argument}' for argument in arguments)
     silent = '' if entries else '    (void)result;\n'
     return f'static void {name}({listed}, real *result)\n{{\n{unused}{silent}{body}}}\n'
-
-
-def constant_places(name: str, matrix: Array) -> str:
-    """Return the rows and columns of the numbers of a matrix that are not zero, as C."""
-    where = np.nonzero(matrix)
-    text = f'enum {{ {name}_COUNT = {len(where[0])} }};\n'
-    for kind, values in zip(('ROW', 'COLUMN'), where):
-        listed = ', '.join(map(str, values.tolist())) or '0'
-        text += f'static const int {name}_{kind}[] = {{{listed}}};\n'
-    return text

@@ -26,6 +26,8 @@ from .matrices import Array, identity, symmetric
 #: truncation error is below 1 / 19!, less than double precision.
 _LONGEST = 1.0
 _TERMS = 18
+#: Number of terms with the constant one.
+TERMS = _TERMS + 1
 #: With more halvings, too many digits of F - I are lost beside the diagonal of F: one bit each.
 _MANY_HALVINGS = 8
 #: Up to a diagonal of F - I of this size it is doubled in place of F.
@@ -64,6 +66,14 @@ class Discretization:
             term[-n:] += term[-n:].T.copy()
             term /= k
         self._table = terms.reshape(count + 1, -1)
+
+    @property
+    def series(self) -> tuple[float, Array]:
+        """Twice the norm of A, and the terms of F', G' and Q' (TERMS, (2n + m) n).
+
+        Powers of dt times these terms are the matrices of a step up to 1 / that norm.
+        """
+        return self._norm, self._table
 
     def __call__(self, dt: float) -> tuple[Array, Array, Array]:
         """Return F, G and Q of a step of ``dt`` seconds.

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kalman_ros.core import Array, DiscreteLinearSystem, Gaussian, LinearSystem, Sensor, unchecked
+from kalman_ros.core import Array, DiscreteLinearSystem, Gaussian, LinearSystem, Sensor
 from kalman_ros.core.ordered_data import FirstSteps, OrderedData
 from kalman_ros.estimators.diffuse import Diffuse
 from kalman_ros.estimators.filter import LinearUpdate, Prediction
 from kalman_ros.estimators.plan import check_linear
-from kalman_ros.linear.kernels import kernels
 
 
 @dataclass(frozen=True)
@@ -35,9 +34,7 @@ class KalmanFilter(LinearUpdate):
         """Return x = F x + G u, P = F P F' + Q."""
         if isinstance(belief, Diffuse):
             return self.linearized(belief, u, dt).belief
-        x, P = belief
-        k, (F, G, Q) = kernels(x), self.model.sampled(dt)
-        return unchecked((k.affine(F, x, G, u), k.sandwich(F, P, Q)))
+        return self.model.predicted_moments(*belief, u, dt)
 
     def linearized(self, belief: Gaussian, u: Array, dt: float) -> Prediction:
         """Return the prediction with the F and Q of the step."""
