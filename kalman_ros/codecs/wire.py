@@ -33,6 +33,8 @@ from .signal_codec import SignalCodec
 from .signal_codecs import Codec
 from .turned_codec import TurnedCodec
 
+#: Type of the numbers in a message: to find it by its name takes as long as to read them.
+_FLOAT64 = np.dtype('<f8')
 #: Number of layouts cached per topic, since publishers may differ in theirs.
 _MOST_LAYOUTS = 4
 
@@ -117,7 +119,7 @@ class _Template:
         )
 
     def _numbers_of(self, data: bytes | bytearray) -> Array:
-        return np.frombuffer(data, '<f8', self._count, BASE)
+        return np.frombuffer(data, _FLOAT64, self._count, BASE)
 
     def fits(self, data: bytes) -> bool:
         """Return whether another message has its numbers at the same positions."""
@@ -200,7 +202,12 @@ class WireReader:
         LookupError, ValueError
             If an array of the message is too short, too long, or lacks a name.
         """
-        sample = self._read(data)
+        for template in self._templates:
+            if template.fits(data):
+                sample = template.read(data)
+                break
+        else:
+            sample = self._learnt(data)
         if self._turn is None:
             return sample
         time, values, covariance = sample
@@ -213,7 +220,7 @@ class WireReader:
         """
         if not self._templates and self._may_learn:
             with suppress(UndecodableError, LookupError, ValueError):
-                self._read(messages[0])
+                self._learnt(messages[0])
         for template in self._templates:
             samples = template.read_all(messages)
             if samples is None or self._turn is None:
@@ -225,10 +232,8 @@ class WireReader:
             return samples._replace(values=np.array(turned), covariances=matrices)
         return None
 
-    def _read(self, data: bytes) -> Sample:
-        for template in self._templates:
-            if template.fits(data):
-                return template.read(data)
+    def _learnt(self, data: bytes) -> Sample:
+        """Return the sample in a message through an object, and learn its layout."""
         codec = self._codec
         message = decode(data, self.message_type)
         values, covariance = codec.decode(message), codec.decode_covariance(message)

@@ -247,8 +247,10 @@ class OnlineEstimator:
         result = self._checked(arrival, now)
         if isinstance(result, Item):
             refused = self._timeline.insert(result, self._window)
-            if arrival.source is not None:
-                refused = self._restarted_for(result, refused, now)
+            if refused is Outcome.TOO_OLD and arrival.source is not None:
+                refused = self._restarted_for(result, now)
+            elif arrival.source is not None:
+                self._old_in_a_row, self._current_at = 0, now
             if refused is None:
                 return result
             result = refused
@@ -271,30 +273,22 @@ class OnlineEstimator:
         if now is not None and time - now > self._policy.future_tolerance * 1e9:
             return Outcome.FUTURE
         order = len(self._order) if name is None else self._order[name]
-        return self._item(time, order, values, sensor)
-
-    def _item(self, stamp: int, order: int, values: Array, sensor: Sensor | None) -> Item:
-        """Return the item of a reading or an input at the step that is nearest to its stamp."""
         if self._first is None:
-            self._first = stamp
-        return Item((self.nearest(stamp), order, stamp), values, sensor, self._filter)
+            self._first = time
+        step = self.nearest(time) if self._period else time
+        return Item((step, order, time), values, sensor, self._filter)
 
-    def _restarted_for(
-        self, item: Item, refused: Outcome | None, now: int | None
-    ) -> Outcome | None:
+    def _restarted_for(self, item: Item, now: int | None) -> Outcome | None:
         """Restart if too many readings in a row were too old; return the outcome if refused.
 
         While other readings are current, the sensor lags and the clock did not go back.
         """
-        if refused is not Outcome.TOO_OLD:
-            self._old_in_a_row, self._current_at = 0, now
-            return refused
         self._old_in_a_row += 1
         needed, current = self._policy.restart_after, self._current_at
         if not 0 < needed <= self._old_in_a_row:
-            return refused
+            return Outcome.TOO_OLD
         if now is not None and current is not None and 0 <= now - current < _OUTDATED:
-            return refused
+            return Outcome.TOO_OLD
         self.restart()
         _, order, stamp = item.key
         self._first, item.key = stamp, (stamp, order, stamp)

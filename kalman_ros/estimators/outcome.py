@@ -9,6 +9,13 @@ from enum import Enum
 class Outcome(Enum):
     """The outcome of a reading. Every reading has exactly one."""
 
+    #: Whether the reading moved the estimate.
+    accepted: bool
+    #: Whether it is what the configuration intends for a reading that is in order.
+    intended: bool
+    #: Whether the reader of the message can name the field and the reason.
+    explained: bool
+
     #: Hash by identity: the hash of `Enum`, by name, takes longer than the counting.
     __hash__ = object.__hash__
 
@@ -33,27 +40,15 @@ class Outcome(Enum):
     OVERRUN = 'dropped: too many messages waiting'
     FUTURE = 'dropped: stamped in the future'
 
-    @property
-    def accepted(self) -> bool:
-        """Whether the reading moved the estimate."""
-        return self in _ACCEPTED
 
-    @property
-    def intended(self) -> bool:
-        """Whether it is what the configuration intends for a reading that is in order."""
-        return self in _INTENDED
-
-    @property
-    def explained(self) -> bool:
-        """Whether the reader of the message can name the field and the reason."""
-        return self in (
-            Outcome.WRONG_SIZE, Outcome.NO_FIX, Outcome.ABSENT, Outcome.OTHER_FRAME,
-            Outcome.NO_TRANSFORM,
-        )  # fmt: skip
-
-
-#: A tuple, whose members are compared by identity first: a set calls for hashes.
-_ACCEPTED = (Outcome.FUSED, Outcome.WEAKENED, Outcome.RECOVERED)
-_INTENDED = (
-    Outcome.FUSED, Outcome.WEAKENED, Outcome.MOVING, Outcome.SWITCHED_OFF, Outcome.FIRST_POSE,
-)  # fmt: skip
+_ACCEPTED = {Outcome.FUSED, Outcome.WEAKENED, Outcome.RECOVERED}
+_INTENDED = {
+    Outcome.FUSED, Outcome.WEAKENED, Outcome.MOVING, Outcome.SWITCHED_OFF, Outcome.FIRST_POSE
+}  # fmt: skip
+_EXPLAINED = {
+    Outcome.WRONG_SIZE, Outcome.NO_FIX, Outcome.ABSENT, Outcome.OTHER_FRAME, Outcome.NO_TRANSFORM
+}  # fmt: skip
+for _outcome in Outcome:
+    _outcome.accepted = _outcome in _ACCEPTED
+    _outcome.intended = _outcome in _INTENDED
+    _outcome.explained = _outcome in _EXPLAINED

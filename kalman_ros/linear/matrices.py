@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from math import inf, isfinite
+from math import hypot, inf, isfinite, sqrt
 from typing import Any, Union
 
 import numpy as np
@@ -21,6 +21,10 @@ ArrayLike = Union[npt.ArrayLike, Sequence[float], Sequence[Sequence[float]]]
 
 #: An eigenvalue this far below zero, relative to the largest, is rounding.
 _ROUNDING = 1e-10
+#: Longest vector for which numbers of Python are faster than a dot product.
+_FEW = 16
+#: Numbers from which on a square is infinite.
+_LARGEST_ROOT = sqrt(float(np.finfo(float).max))
 #: Length of a dot product from which on BLAS may divide it among threads.
 _THREADED = 8192
 #: Sums of larger numbers may be infinite, and such a matrix has no eigenvalues.
@@ -113,6 +117,8 @@ def is_finite(values: Array) -> bool:
 
     A third of the time of ``np.isfinite(values).all()``.
     """
+    if values.ndim == 1 and values.size <= _FEW:
+        return bool(hypot(*values.tolist()) < _LARGEST_ROOT)
     flat = values.ravel('K')  # in memory order
     # a longer dot product has threads, which wait for a busy processor
     # vdot, since dot warns of an overflow

@@ -131,7 +131,7 @@ class Fuser:
             for time, channel, sample, refused in batch
             if refused is None
         ]
-        ended = self._ended_inputs(batch, now)
+        ended = self._ended_inputs(batch, now) if self.timeout.is_set else []
         fused = []
         outcomes = iter(self.online.add([*ended, *arrivals], now)[len(ended) :])
         for time, channel, sample, refused in batch:

@@ -29,6 +29,11 @@ class InputTimeout:
         #: Time at which the input ends, in nanoseconds; None if it has ended.
         self._due: int | None = None
 
+    @property
+    def is_set(self) -> bool:
+        """Whether inputs end."""
+        return self._timeout > 0
+
     def on_input(self, time: int) -> None:
         """Record the stamp of an input, in nanoseconds."""
         if self._timeout:

@@ -27,7 +27,7 @@ from kalman_ros.scenario import Scenario
 #: A clock that goes back by less is out of order, not reset.
 _BACK = Duration(seconds=-0.1)
 #: Seconds between two pieces of work that no message waits for.
-_PAUSE = 0.1
+_PAUSE = 0.2
 #: Seconds after which the time of a message is no longer the present.
 _LONG = 0.05
 #: The most innovations that are published at once in real time.
@@ -115,7 +115,7 @@ class RealTimeIntake:
 
     def _waiting_readings(self, first: Channel, data: bytes, now: int) -> list[Received]:
         """Return the readings that are waiting; ``data``, received on ``first``, may be one."""
-        received, sensors = [], self._scenario.sensors
+        received, sensors = [], self._node.scenario.sensors
         for name, channel in self._fuser.channels.items():
             messages, missed = channel.take([data] if channel is first else [])
             if not messages or not sensors[name].timed.enabled:

@@ -52,7 +52,8 @@ class EstimatePublisher:
             self._covariance_publisher.publish(topics.covariance.write(time, P.ravel()))
         if self._odometry is not None and self._odometry_publisher.get_subscription_count():
             self._odometry_publisher.publish(self._odometry(time, belief))
-        self._globe(time, belief)
+        if self._globe.is_used:
+            self._globe.publish(time, belief)
 
 
 class GlobalPublisher:
@@ -65,6 +66,8 @@ class GlobalPublisher:
         self._origin, self._file = origin, options.datum_file
         self._logger = node.get_logger()
         self._known = False
+        #: Whether the estimate has a place on earth, or may get one.
+        self.is_used = topics.datum is not None
         if topics.datum is not None:
             name, kind = topics.datum.signal.topic, topics.datum.message_type
             self._datum_publisher = node.create_publisher(kind, name, KEPT)
@@ -75,7 +78,7 @@ class GlobalPublisher:
             self._file = ''  # it is there already
             self._publish_datum(node.get_clock().now().nanoseconds)
 
-    def __call__(self, time: int, belief: Gaussian) -> None:
+    def publish(self, time: int, belief: Gaussian) -> None:
         """Publish a ``belief`` at ``time``, in nanoseconds."""
         topics = self._topics
         if self._origin.plane is None or topics.datum is None:

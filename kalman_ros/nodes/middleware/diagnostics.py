@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from enum import Enum
 from math import isnan
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
@@ -57,6 +58,7 @@ class Diagnostics:
         #: The subscriptions of the node that receive nothing.
         self.connections = Connections(node)
         self._connections: dict[str, int] = {}
+        self._keys: WeakKeyDictionary[Any, str] = WeakKeyDictionary()
         self._looks = 0
         self._timer = node.create_timer(_LOOK, self._look, clock=node.steady)
 
@@ -71,10 +73,25 @@ class Diagnostics:
     def _count_connections(self) -> dict[str, int]:
         counts = {}
         for publisher in self._node.publishers:
-            counts[f'{SUBSCRIBERS}{publisher.topic_name}'] = publisher.get_subscription_count()
+            key = self._key(SUBSCRIBERS, publisher)
+            if key:
+                counts[key] = publisher.get_subscription_count()
         for subscription in (*self._node.subscriptions, *self._node.watched):
-            counts[f'{PUBLISHERS}{subscription.topic_name}'] = subscription.get_publisher_count()
-        return {key: count for key, count in counts.items() if not key.endswith(_EXCLUDED)}
+            key = self._key(PUBLISHERS, subscription)
+            if key:
+                counts[key] = subscription.get_publisher_count()
+        return counts
+
+    def _key(self, kind: str, end: Any) -> str:
+        """Return the key of the count of a topic's other ends; '' if it is not to be counted.
+
+        To ask rcl for the name of a topic takes longer than to count.
+        """
+        key = self._keys.get(end)
+        if key is None:
+            topic = end.topic_name
+            key = self._keys[end] = '' if topic.endswith(_EXCLUDED) else f'{kind}{topic}'
+        return key
 
     def soon(self) -> None:
         """Publish at the next check, once, however often this is called before."""

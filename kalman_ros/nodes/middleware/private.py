@@ -33,14 +33,14 @@ def take(subscription: Any) -> tuple[bytes, dict[str, Any]] | None:
     return message
 
 
-def call_with_numbers(
-    subscription: Any, callback: Callable[[bytes, dict[str, Any]], object]
-) -> None:
-    """Have the executor call back with each message and its numbers and times."""
+def pass_on_with_number(subscription: Any, numbered: Callable[[int | None], object]) -> None:
+    """Have the executor call ``pass_on`` of a subscription, after the number of the message."""
 
-    def on_message(*message: Any) -> None:
+    def on_message(message: Any, info: dict[str, Any] | None = None) -> None:
         # the executor of events passes a pair where the others pass two arguments
-        callback(*(message[0] if len(message) == 1 else message))
+        data, info = message if info is None else (message, info)
+        numbered(info['publication_sequence_number'])
+        subscription.pass_on(data)
 
     subscription.callback = on_message
     subscription._callback_type = Subscription.CallbackType.WithMessageInfo

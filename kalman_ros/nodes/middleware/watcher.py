@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property, partial
 from typing import Any
 
@@ -38,7 +38,8 @@ def _decoded(callback: Callable[[Any], None], kind: Any, data: bytes) -> None:
 
 def waiting(subscription: Any, first: Sequence[bytes] = ()) -> list[bytes]:
     """Return the messages waiting in a subscription, after the ``first`` ones, handed over."""
-    return [*first, *(data for data, _ in waiting_with_times(subscription))]
+    come = waiting_with_times(subscription)
+    return [*first, *(data for data, _ in come)] if come else [*first]
 
 
 def waiting_with_times(subscription: Any) -> list[tuple[bytes, tuple[int, int]]]:
@@ -108,12 +109,7 @@ class WatcherNode(Node):  # type: ignore[misc]
         subscription = super().create_subscription(kind, topic, take, queue, raw=True, **options)
         subscription.losses, subscription.received = Losses(subscription), ReceptionTimes()
         subscription.pass_on = partial(self.intake, subscription.topic_name, take)
-
-        def on_message(data: bytes, info: Mapping[str, Any]) -> None:
-            subscription.losses.numbered(info['publication_sequence_number'])
-            subscription.pass_on(data)
-
-        private.call_with_numbers(subscription, on_message)
+        private.pass_on_with_number(subscription, subscription.losses.numbered)
         return subscription
 
     def subscribe_in_batches(
