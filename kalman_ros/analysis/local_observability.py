@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from math import inf
 
 import numpy as np
@@ -20,12 +20,12 @@ from .observability import observability
 #: The path covers the last N readings of the slowest sensor. It ends earlier where the current
 #: state changes by this multiple of the initial uncertainty.
 _PIECES, _MOST_GROWTH = 20, 1e3
+#: Most steps of a path, which bounds the time that it takes: a few milliseconds.
+_STEPS = 100
 #: Information below this share of the information of the initial belief is rounding.
 _NONE = 1e-6
 #: Standard deviation, in the unit of a state, up to which it counts as known exactly.
 _EXACT = 1e-3
-#: Step of numerical derivatives, relative to the standard deviation of the initial belief.
-_DIFFERENCE = 1e-5
 
 
 @dataclass
@@ -93,11 +93,6 @@ class ObservabilityMeter:
     The observability of a linear scenario is constant and needs no record. A discrete-time model
     cannot be integrated backwards, so it is linearised about the initial belief.
 
-    If the state is large, the whole path takes tens of milliseconds, during which a node would
-    process no reading. A node in real time therefore calls `work` regularly, which follows the
-    path by one step, and `report` returns the result of the last completed path. If `work` is
-    never called, `report` follows the whole path.
-
     Parameters
     ----------
     scenario
@@ -134,9 +129,6 @@ class ObservabilityMeter:
     def reset(self) -> None:
         """Clear the path."""
         self._pieces.clear()
-        self._pass: Iterator[Array] | None = None
-        self._latest: LocalObservability | None = None
-        self._gramian: Array = np.empty(0)
         self._zero: Array = np.zeros(self._scenario.model.input.size)
         self._u: Array = self._zero
 
@@ -170,35 +162,15 @@ class ObservabilityMeter:
         """Return the observability and the standard deviations from readings alone, as text."""
         if self._linear is not None:
             return {'observability': str(self._linear)}
-        if self._latest is None and self._pass is not None:
-            return {'observability': 'not known yet'}
-        result, space = self._latest or self(x), self._scenario.model.state
+        result, space = self(x), self._scenario.model.state
         deviations = zip(space.names, space.units, result.std.tolist())
         listed = ', '.join(f'{name} {std:.3g} {unit}'.rstrip() for name, unit, std in deviations)
         return {'observability': str(result.verdict), 'latest readings alone, 1 sigma': listed}
 
     def __call__(self, x: Array) -> LocalObservability:
         """Return the observability about the current estimate ``x`` of the model's states."""
-        *_, M = self._gramians(x, reversed(self._pieces))
-        return self._assess(M)
-
-    def work(self, estimate: Callable[[], Array]) -> None:
-        """Follow the path by one step; after its end, start again from the ``estimate``."""
-        if self._linear is not None:
-            return
-        if self._pass is None:
-            past = [replace(piece, readings=piece.readings.copy()) for piece in self._pieces]
-            self._pass = self._gramians(estimate(), reversed(past))
-            next(self._pass)
-        M = next(self._pass, None)
-        if M is None:
-            self._pass, self._latest = None, self._assess(self._gramian)
-        else:
-            self._gramian = M
-
-    def _assess(self, M: Array) -> LocalObservability:
         first = self._scenario.initial_belief.std
-        std = readings_alone(M, first)
+        std = readings_alone(self._gramian(x), first)
         return LocalObservability(std, self._classify(std, first))
 
     def _classify(self, std: Array, first: Array) -> Observability:
@@ -208,14 +180,12 @@ class ObservabilityMeter:
         unobserved = tuple(name for name in names if name not in observed)
         return Observability(observed, unobserved, (), not unobserved)
 
-    def _gramians(self, x: Array, path: Iterable[_Piece]) -> Iterator[Array]:
-        """Yield the Gramian before the path, which leads back from ``x``, and after each step."""
+    def _gramian(self, x: Array) -> Array:
+        """Return the Gramian of the path that leads back from ``x``."""
         model, scales = self._model, _scales(self._scenario.initial_belief.std)
-        n, steps = scales.size, _DIFFERENCE * scales
-        h = steps[:, None] * np.eye(n, x.size)  # the model evaluates all points in one call
+        n, most = scales.size, _STEPS // max(1, len(self._pieces))
         sensitivity, M = np.eye(n), np.zeros((n, n))
-        yield M
-        for piece in path:
+        for piece in reversed(self._pieces):
             for name, count in piece.readings.items():
                 sensor = self._sensors[name]
                 H = sensor.jacobian(x)[:, :n] @ sensitivity
@@ -223,12 +193,10 @@ class ObservabilityMeter:
             if not piece.seconds:
                 break
             u = piece.impulse / piece.seconds
-            count = parts(model, piece.seconds)
+            count = min(parts(model, piece.seconds), most)
             for _ in range(count):
-                x, *perturbed = model.step(np.vstack((x, x + h, x - h)), u, -piece.seconds / count)
-                change = model.state.subtract(np.array(perturbed[:n]), np.array(perturbed[n:]))
-                sensitivity = (change[:, :n].T / (2.0 * steps)) @ sensitivity
-                yield M
+                x, F, _ = model.linearized_step(x, u, -piece.seconds / count)
+                sensitivity = F[:n, :n] @ sensitivity
                 if not np.abs(sensitivity / scales[:, None] * scales).max() < _MOST_GROWTH:
-                    return
-        yield M
+                    return M
+        return M

@@ -153,57 +153,27 @@ def robot():
     return built, meter
 
 
-@pytest.fixture
-def derivatives(robot, monkeypatch):
-    """The derivatives that the robot's model has been asked for, one after the other."""
-    asked, derivative = [], type(robot[0].model).derivative
+@pytest.mark.parametrize('slow', [False, True])
+def test_a_report_takes_few_steps_whatever_the_rates_and_gaps(robot, monkeypatch, slow):
+    built, meter = robot
+    taken, step = [], type(built.model).linearized_step
     monkeypatch.setattr(
-        type(robot[0].model),
-        'derivative',
-        lambda *arguments: asked.append(1) or derivative(*arguments),
+        type(built.model),
+        'linearized_step',
+        lambda model, x, u, dt: taken.append(dt) or step(model, x, u, dt),
     )
-    return asked
-
-
-#: The derivatives of a step by Runge and Kutta.
-STAGES = 4
-
-
-def test_step_by_step_it_comes_to_the_same_and_then_reports_at_once(robot, derivatives):
-    built, meter = robot
-    x = built.initial_state
-    whole, expected = meter(x), meter.report(x)
-    count = len(derivatives)
-    del derivatives[:]
-    for call in range(30):  # less than twice the path
-        before = len(derivatives)
-        meter.work(lambda: x)
-        assert len(derivatives) <= before + STAGES
-        meter.reading('imu', (60 + call) * 10_000_000)  # what comes meanwhile is for the next
-    assert len(derivatives) > count // 2
-    del derivatives[:]
-    assert meter.report(x) == expected
-    assert not derivatives
-    assert not np.isnan(whole.std).any()
-    meter.reset()
-    assert meter.report(x) != expected
-
-
-def test_until_the_path_is_known_the_work_goes_on_and_a_report_does_none(robot, derivatives):
-    built, meter = robot
-    meter.work(lambda: built.initial_state)
-    del derivatives[:]
-    assert meter.report(built.initial_state) == {'observability': 'not known yet'}
-    assert not derivatives
-
-
-def test_a_gap_in_the_readings_takes_many_steps_each_as_short_as_others(robot, derivatives):
-    built, meter = robot
-    meter.reading('imu', 5_000_000_000)  # and now the first piece back is 4.4 s long
-    for _ in range(60):
-        before = len(derivatives)
-        meter.work(lambda: built.initial_state)
-        assert len(derivatives) <= before + STAGES
+    if slow:  # pieces of seconds, in which the model takes steps of 10 ms
+        built = scenario.build(
+            {'model': 'robot_3d', 'sensors': ['odometry'], 'odometry.rate': 0.5}
+        )
+        meter = ObservabilityMeter(built)
+        for second in range(0, 60, 2):
+            meter.reading('odometry', second * 1_000_000_000)
+    else:
+        meter.reading('imu', 5_000_000_000)  # and now the first piece back is 4.4 s long
+    assert not np.isnan(meter(built.initial_state).std).any()
+    assert 0 < len(taken) <= 100
+    assert max(taken) < 0.0
 
 
 def test_a_state_that_is_known_exactly_or_not_at_all_is_judged_in_its_unit():

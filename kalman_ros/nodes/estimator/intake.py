@@ -26,8 +26,6 @@ from kalman_ros.scenario import Scenario
 
 #: A clock that goes back by less is out of order, not reset.
 _BACK = Duration(seconds=-0.1)
-#: Seconds between two pieces of work that no message waits for.
-_PAUSE = 0.2
 #: Seconds after which the time of a message is no longer the present.
 _LONG = 0.05
 #: The most innovations that are published at once in real time.
@@ -55,7 +53,6 @@ class RealTimeIntake:
         self._fuser, self._latency = fuser, latency
         self._last_time = -1
         self._clock = private.clock_handle(node)
-        self._worked = monotonic()
         self._meeting = Meeting(self._input_connected)
         for channel in fuser.channels.values():
             queue = sensor_queue(reliable=self._scenario.sensors[channel.name].reliable)
@@ -109,9 +106,6 @@ class RealTimeIntake:
                     ((now or reading.time) - reading.time) * 1e-9 + done - start
                 )
         self._node.publish_innovations(corrected, _MOST_INNOVATIONS)
-        if start - self._worked > _PAUSE:  # now it is longest until the next message
-            self._worked = start
-            fuser.observability.work(fuser.estimate)
 
     def _waiting_readings(self, first: Channel, data: bytes, now: int) -> list[Received]:
         """Return the readings that are waiting; ``data``, received on ``first``, may be one."""
