@@ -329,7 +329,7 @@ def compile(part: Model | Sensor, state: Space | None = None) -> Any:
     The original stays as it is, and the result has the numbers that it has now. Jacobians become
     exact. Without CasADi (the extra ``kalman_ros[compiled]``) or a C compiler, and where a
     function is no formula, the result is slower, or the original: its ``arithmetic`` is ``'C'``,
-    ``'CasADi'``, or missing.
+    ``'CasADi'``, ``'numpy'``, or missing.
 
     Parameters
     ----------

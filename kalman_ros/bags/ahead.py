@@ -12,7 +12,8 @@ from kalman_ros.codecs.messages import UndecodableError
 from kalman_ros.estimators.arrivals import Arrivals
 from kalman_ros.estimators.online import is_covariance
 from kalman_ros.pipeline.fuser import Fuser
-from kalman_ros.pipeline.reading_reader import Reading, Readings, SensorReader
+from kalman_ros.pipeline.reading import Reading, Readings
+from kalman_ros.pipeline.reading_reader import SensorReader
 from kalman_ros.scenario import SensorSource
 
 from .blocks import Message, Messages
@@ -113,7 +114,7 @@ class Ahead:
                 continue
             C = reading.covariance
             sound = C is None or is_covariance(C, len(R))
-            if reading.refused is None and reading.values.shape == R.shape[:1] and sound:
+            if reading.outcome is None and reading.values.shape == R.shape[:1] and sound:
                 usable.append(index)
         read = [self.known[index] for index in usable]
         carried = (reading.covariance for reading in read)

@@ -17,10 +17,9 @@ from kalman_ros.core import Array, Gaussian
 from kalman_ros.core.geodesy import Origin
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.pipeline.estimate_topics import EstimateTopics, InnovationTopic, Topic
-from kalman_ros.pipeline.fuser import Fused
 from kalman_ros.pipeline.global_topics import GlobalTopics
 from kalman_ros.pipeline.odometry_topic import OdometryTopic
-from kalman_ros.pipeline.reading_reader import Readings
+from kalman_ros.pipeline.reading import Reading, Readings
 from kalman_ros.pipeline.settings import Settings
 from kalman_ros.scenario import SensorSource
 
@@ -49,19 +48,17 @@ class SensorColumns:
         )
         self._configured: Array = source.sensor.covariance
 
-    def add(self, fused: Fused, received: float, stamp: float) -> None:
-        """Add a reading."""
-        _, _, sample, outcome, correction = fused
-        covariance = self._configured if sample.covariance is None else sample.covariance
-        code, stamped = _CODES[outcome], float(sample.time is not None)
-        completed = float(getattr(sample, 'completed', False))
+    def add(self, reading: Reading, received: float, stamp: float) -> None:
+        """Add a reading that was fused, or not."""
+        assert reading.outcome is not None
+        covariance = self._configured if reading.covariance is None else reading.covariance
+        code, correction = _CODES[reading.outcome], reading.correction
+        numbers = received, stamp, float(reading.stamped), float(reading.completed), code
         if correction is None:
-            numbers = np.array((received, stamp, stamped, completed, code, nan))
-            self._rows.append(numbers, sample.values, covariance, None, None)
+            self._rows.append(np.array((*numbers, nan)), reading.values, covariance, None, None)
             return
-        numbers = np.array((received, stamp, stamped, completed, code, correction.nis))
         v, S = correction.innovation, correction.innovation_covariance
-        self._rows.append(numbers, sample.values, covariance, v, S)
+        self._rows.append(np.array((*numbers, correction.nis)), reading.values, covariance, v, S)
 
     def add_fused(
         self,
@@ -202,11 +199,11 @@ class EstimateRecording:
         if self._writer.waiting > _FLUSH:
             self._writer.flush()
 
-    def publish_innovation(self, received: int, fused: Fused) -> None:
+    def publish_innovation(self, received: int, reading: Reading) -> None:
         """Write the innovation of a reading, if it has a finite one."""
-        if fused.correction is not None and fused.correction.nis < inf:
-            write = self._innovations[fused.channel.name]
-            message = write(fused.time, fused.correction)
+        if reading.correction is not None and reading.correction.nis < inf:
+            write = self._innovations[reading.source]
+            message = write(reading.time, reading.correction)
             if message is not None:
                 self._write(write.topic, received, message)
 
@@ -228,10 +225,8 @@ def _serialised(message: Any) -> bytes:
 
 
 def add_all(
-    fused: Sequence[Fused], into: dict[str, SensorColumns], received: int, start: int
+    fused: Sequence[Reading], into: dict[str, SensorColumns], received: int, start: int
 ) -> None:
     """Add the readings that were fused together."""
     for reading in fused:
-        into[reading.channel.name].add(
-            reading, seconds(received, start), seconds(reading.time, start)
-        )
+        into[reading.source].add(reading, seconds(received, start), seconds(reading.time, start))

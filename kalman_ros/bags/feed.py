@@ -16,13 +16,14 @@ from kalman_ros.estimators.diffuse import Diffuse
 from kalman_ros.estimators.filter import Correction
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.pipeline.frames import STATIC, TF, Frames
-from kalman_ros.pipeline.fuser import Fused, Fuser, Received
+from kalman_ros.pipeline.fuser import Fuser
 from kalman_ros.pipeline.fusion import fusion
 from kalman_ros.pipeline.initial_pose import POSES, SHARED, PoseReader
 from kalman_ros.pipeline.intake import Intake
 from kalman_ros.pipeline.lockstep_fuser import LockstepFuser
 from kalman_ros.pipeline.mounts import Mounts
-from kalman_ros.pipeline.reading_reader import InputReader, Reading, SensorReader
+from kalman_ros.pipeline.reading import Reading
+from kalman_ros.pipeline.reading_reader import InputReader, SensorReader
 from kalman_ros.pipeline.settings import Settings
 from kalman_ros.pipeline.transforms import TYPE
 from kalman_ros.scenario import Scenario
@@ -297,19 +298,19 @@ class Feed:
         self, recording: EstimateRecording, arrivals: Arrivals, taken: Taken, belief: Gaussian
     ) -> None:
         """Record what was published after each of some readings."""
-        channels = [self.fuser.channels[name] for name in self._topics_ahead]
-        read = [0] * len(channels)
+        names = list(self._topics_ahead)
+        read = [0] * len(names)
         rows = zip(arrivals.source.tolist(), arrivals.time.tolist(), arrivals.now.tolist())
-        readings = (row for row in zip(rows, taken.time.tolist()) if row[0][0] < len(channels))
+        readings = (row for row in zip(rows, taken.time.tolist()) if row[0][0] < len(names))
         for k, ((source, stamp, now), newest) in enumerate(readings):
             mean, covariance = belief.mean[k], belief.covariance[k]
             recording.publish(now, newest, unchecked((mean, covariance)))
             at, read[source] = read[source], read[source] + 1
             v, S = taken.innovation[source][at], taken.S[source][at]
             correction = Correction(belief, v, S, nis=float(taken.nis[source][at]))
-            reading = Reading(stamp, v, None)
-            fused = Fused(channels[source], stamp, reading, Outcome.FUSED, correction)
-            recording.publish_innovation(now, fused)
+            reading = Reading(names[source], stamp, v, None, Outcome.FUSED)
+            reading.correction = correction
+            recording.publish_innovation(now, reading)
 
     def undecodable(self, name: str) -> int:
         """Return the number of messages of a sensor that were dropped before their decoding."""
@@ -336,24 +337,22 @@ class Feed:
 
     def _fuse(self, name: str, reading: Reading) -> None:
         fuser, now = self.fuser, self._now
-        channel = fuser.channels[name]
-        fused = fuser.fuse(
-            [Received(reading.time or now, channel, reading, reading.refused)], now or None
-        )
+        reading.time = reading.time or now
+        fused = fuser.fuse([reading], now or None)
         if fuser.judge(fused) and self.online.time is not None and not self._period:
             self.publish(self.online.time, self.online.belief)
         self.publish_innovations(fused)
 
     def _on_input(self, data: bytes) -> None:
-        sample = self.fuser.read_input(data)
-        if sample is None:
+        input = self.fuser.read_input(data)
+        if input is None:
             return
         now, refused = self._now, sum(self._refused_inputs().values())
-        stamp = sample.time or now
-        self.fuser.fuse([Received(stamp, self.fuser.input, sample)], now or None)
+        input.time = stamp = input.time or now
+        self.fuser.fuse([input], now or None)
         if sum(self._refused_inputs().values()) == refused:
             start = stamp if self.start is None else self.start
-            self.inputs.add(seconds(now, start), seconds(stamp, start), sample.values)
+            self.inputs.add(seconds(now, start), seconds(stamp, start), input.values)
 
     def _refused_inputs(self) -> dict[Outcome, int]:
         """Return the numbers of inputs that never acted; a repeated one does already."""
@@ -404,7 +403,7 @@ class Feed:
         if self.recording is not None:
             self.recording.publish(self._received, time, belief)
 
-    def publish_innovations(self, fused: Sequence[Fused]) -> None:
+    def publish_innovations(self, fused: Sequence[Reading]) -> None:
         """Record readings that were fused together, with their corrections."""
         start = self._now if self.start is None else self.start
         if self.lockstep:

@@ -66,6 +66,12 @@ FAST static int sample(real dt, const real *p, real *F, real *G, real *Q)
     return !halvings || (all_finite(F) && all_finite(Q)) ? DONE : OVERFLOW_WITHIN;
 }
 
+/* matrices receives F, G and Q of a step, one behind the other; nonzero where there are none */
+int sampled(double *matrices, double dt, const double *p)
+{
+    return sample(dt, p, matrices, matrices + N * N, matrices + N * N + N * M);
+}
+
 static int linearize(const real *x, const real *u, real dt, real max_step, const real *p,
                      real *moved, real *F, real *Q)
 {

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Linear systems with predictions and corrections in C, and sensors linear in the state.
+"""Linear systems with steps, predictions and corrections in C, and sensors linear in the state.
 
 The C depends on the numbers of states and inputs alone, so that it is compiled once for all
 systems of a size, and needs no formulas.
@@ -7,19 +7,21 @@ systems of a size, and needs no formulas.
 
 from __future__ import annotations
 
+from ctypes import c_int
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from kalman_ros.core import Array, Dynamics, LinearSystem, Sensor, Space
+from kalman_ros.core.dynamics import Transition
 from kalman_ros.linear.discretize import TERMS
 
 from .derived import derive
 from .library import HEAD, load
 from .native_pass import matrix_numbers
 from .native_recursion import MOST_READ, NativeRecursion, declare_recursion
-from .numbered import pointed, reads
+from .numbered import NUMBER, POINTER, address, hold, memory, pointed, reads
 from .source import text
 
 #: Most states of a system in C: for more the products of BLAS are as fast.
@@ -41,10 +43,22 @@ static void wrap(const real *x, real *wrapped)
 
 
 class NativeLinearSystem(NativeRecursion, LinearSystem):
-    """A linear system whose beliefs are predicted and corrected in C, one at a time."""
+    """A linear system whose steps are C, and the predictions and corrections of one belief."""
 
     arithmetic = 'C'
     _c_arrived = 0
+
+    def sampled(self, dt: float) -> Transition:
+        """Return the exact step of length ``dt``."""
+        (n,), (m,) = self._c_shapes
+        at_G = n * n
+        at_Q = at_G + n * m
+        v = np.empty(at_Q + n * n)
+        if self._c_library.sampled(address(memory(v)), dt, self._c_p):
+            return super().sampled(dt)
+        return Transition(
+            v[:at_G].reshape(n, n), v[at_G:at_Q].reshape(n, m), v[at_Q:].reshape(n, n)
+        )
 
 
 class NumberedSensor(Sensor):
@@ -75,6 +89,7 @@ def native_linear_system(system: LinearSystem, *, wait: bool = True) -> Any:
     shapes = (system.state.size,), (system.input.size,)
     library = load(_source(*shapes[0], *shapes[1], _angles(system.state)), wait=wait)
     declare_recursion(library)
+    hold(library, 'sampled', c_int, POINTER, NUMBER, POINTER)
     norm, terms = system.series
     return derive(
         NativeLinearSystem,

@@ -260,14 +260,14 @@ class OnlineEstimator:
 
     def _checked(self, arrival: Arrival, now: int | None) -> Item | Outcome:
         """Return an item for an arrival, or the outcome if the arrival is invalid."""
-        name, time, values, covariance = arrival
+        name, time, values = arrival.source, arrival.time, arrival.values
         sensor = None if name is None else self._sensors[name]
         if values.shape != (self._zero.shape if sensor is None else sensor.covariance.shape[:1]):
             return Outcome.WRONG_SIZE
         if not is_finite(values):
             return Outcome.NOT_FINITE
-        if name is not None and covariance is not None:
-            sensor = self._with_noise(name, covariance)
+        if name is not None and arrival.covariance is not None:
+            sensor = self._with_noise(name, arrival.covariance)
             if sensor is None:
                 return Outcome.BAD_COVARIANCE
         if now is not None and time - now > self._policy.future_tolerance * 1e9:

@@ -33,16 +33,18 @@ class State(NamedTuple):
     repairs: int = 0
 
 
-class Arrival(NamedTuple):
+class Arrival:
     """A reading (k,) of a sensor, or an input (m,) with the ``source`` None, and its stamp.
 
     ``covariance`` (k, k) is the covariance in the message, if it has one.
     """
 
-    source: str | None
-    time: int
-    values: Array
-    covariance: Array | None = None
+    __slots__ = 'covariance', 'source', 'time', 'values'
+
+    def __init__(
+        self, source: str | None, time: int, values: Array, covariance: Array | None = None
+    ) -> None:
+        self.source, self.time, self.values, self.covariance = source, time, values, covariance
 
 
 class Item:

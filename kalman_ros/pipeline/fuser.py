@@ -5,17 +5,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from operator import itemgetter
-from typing import Any, NamedTuple, Union
+from operator import attrgetter
+from typing import Any, Union
 
 import numpy as np
 
 from kalman_ros.analysis.local_observability import ObservabilityMeter
-from kalman_ros.codecs.layout import Sample
 from kalman_ros.compiled.parts import NUMPY
 from kalman_ros.core import Array, Gaussian
 from kalman_ros.estimators.arrivals import Arrivals, Taken
-from kalman_ros.estimators.filter import Correction
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.estimators.timeline import Arrival
@@ -23,39 +21,12 @@ from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.estimation import Estimation
 
 from .input_timeout import InputTimeout
-from .reading_reader import InputReader, Reading, SensorReader, UnusableInputError
+from .reading import Reading
+from .reading_reader import InputReader, SensorReader, UnusableInputError
 from .throttle import Throttle
 
 #: Reader of the messages of a sensor, or of the input.
 Channel = Union[SensorReader, InputReader]
-
-
-class Received(NamedTuple):
-    """A decoded message: its time in nanoseconds, its channel, and its content.
-
-    ``refused`` is the reason why a reading cannot be used, or None.
-    """
-
-    time: int
-    channel: Channel
-    sample: Sample | Reading
-    refused: Outcome | None = None
-
-    def set_aside(self) -> Received:
-        """Return a reading that is not to be used, and an input as it is."""
-        if isinstance(self.channel, InputReader):
-            return self
-        return self._replace(refused=Outcome.SWITCHED_OFF)
-
-
-class Fused(NamedTuple):
-    """A reading with the time at which it was taken, its outcome, and its correction if any."""
-
-    channel: Any
-    time: int
-    sample: Sample | Reading
-    outcome: Outcome
-    correction: Correction | None
 
 
 class Fuser:
@@ -117,33 +88,31 @@ class Fuser:
         self.observability.configure(scenario, estimation.filter.model, estimation.sensors)
         self.input.configure(scenario.input)
 
-    def fuse(self, received: Iterable[Received], now: int | None = None) -> list[Fused]:
-        """Fuse messages received by ``now``, and return the readings with their outcomes."""
+    def fuse(self, received: Iterable[Reading], now: int | None = None) -> list[Reading]:
+        """Fuse readings and inputs received by ``now``; return the readings, with outcomes."""
         if self.before_next is not None:
             action, self.before_next = self.before_next, None
             action()
         # in the order of the stamps: no message is too old because of another of the same batch
-        batch = sorted(received, key=itemgetter(0))
+        batch = sorted(received, key=attrgetter('time'))
+        readings = [reading for reading in batch if reading.source is not None]
         if not self.fusing:
-            batch = [message.set_aside() for message in batch]
-        arrivals = [
-            Arrival(channel.name, time, sample.values, sample.covariance)
-            for time, channel, sample, refused in batch
-            if refused is None
-        ]
+            for reading in readings:
+                reading.outcome = Outcome.SWITCHED_OFF
+        for reading in readings:
+            if reading.outcome is not None:
+                self.online.counts[reading.source][reading.outcome] += 1
+        usable = [reading for reading in batch if reading.outcome is None]
         ended = self._ended_inputs(batch, now) if self.timeout.is_set else []
-        fused = []
-        outcomes = iter(self.online.add([*ended, *arrivals], now)[len(ended) :])
-        for time, channel, sample, refused in batch:
-            outcome, correction = next(outcomes) if refused is None else (refused, None)
-            if isinstance(channel, SensorReader):
-                if refused is not None:
-                    self.online.counts[channel.name][refused] += 1
-                self._account_for_reading(channel, time, outcome)
-                fused.append(Fused(channel, time, sample, outcome, correction))
+        results = self.online.add([*ended, *usable], now)[len(ended) :]
+        for reading, result in zip(usable, results):
+            reading.outcome, reading.correction = result
+        for reading in batch:
+            if reading.source is None:
+                self._account_for_input(reading)
             else:
-                self._account_for_input(time, sample.values, outcome)
-        return fused
+                self._account_for_reading(reading)
+        return readings
 
     def fuse_first(self, arrivals: Arrivals) -> Taken | None:
         """Fuse those of many readings and inputs that need no decision, as `fuse` does, at once.
@@ -170,29 +139,33 @@ class Fuser:
         """Return the belief at a ``time`` not before the newest stamp, without keeping it."""
         return self.online.predicted(time, self.timeout.ending(time))
 
-    def _ended_inputs(self, batch: Iterable[Received], now: int | None) -> list[Arrival]:
+    def _ended_inputs(self, batch: Iterable[Reading], now: int | None) -> list[Arrival]:
         """Return the idle inputs in place of the inputs that end before a message of a batch."""
         ended = []
-        for time, channel, _, refused in batch:
-            if refused is None:
+        for reading in batch:
+            if reading.outcome is None:
                 # no stamp ahead of the clock ends an input
+                time = reading.time
                 ended += self.timeout.ended_by(time if now is None else min(time, now))
-            if channel is self.input:
-                self.timeout.on_input(time)
+            if reading.source is None:
+                self.timeout.on_input(reading.time)
         return ended
 
-    def _account_for_reading(self, channel: SensorReader, time: int, outcome: Outcome) -> None:
+    def _account_for_reading(self, reading: Reading) -> None:
+        name, time, outcome = reading.source, reading.time, reading.outcome
         if not outcome.intended:
-            why = f': {channel.trouble}' if outcome.explained and channel.trouble else ''
-            self.warn(f'reading of {channel.name} {outcome.value}{why}')
+            trouble = self.channels[name].trouble if outcome.explained else ''
+            why = f': {trouble}' if trouble else ''
+            self.warn(f'reading of {name} {outcome.value}{why}')
         if outcome.accepted:
             self.fused_at = time if self.fused_at is None else max(time, self.fused_at)
-            self.observability.reading(channel.name, time)
+            self.observability.reading(name, time)
 
-    def _account_for_input(self, time: int, u: Array, outcome: Outcome) -> None:
+    def _account_for_input(self, reading: Reading) -> None:
+        outcome = reading.outcome
         self.inputs[outcome] += 1
         if outcome.accepted:
-            self.observability.input(time, u)
+            self.observability.input(reading.time, reading.values)
         # a repeated input is in effect already: two estimates of one time may agree on it
         if outcome not in (Outcome.FUSED, Outcome.DUPLICATE):
             self.warn(f'{self.scenario.input.topic} {outcome.value}')
@@ -207,10 +180,10 @@ class Fuser:
             account[Outcome.OVERRUN] += missed
             self.warn(f'{subject} {Outcome.OVERRUN.value}')
 
-    def read_input(self, data: bytes) -> Sample | None:
+    def read_input(self, data: bytes) -> Reading | None:
         """Return the input in a message, or None with a warning if the message has no input."""
         try:
-            sample: Sample = self.input.read(data)
+            time, values, _ = self.input.read(data)
         except UnusableInputError as error:
             self.inputs[error.outcome] += 1
             self.warn(f'{self.scenario.input.topic} {error.outcome.value}: {error}')
@@ -219,13 +192,13 @@ class Fuser:
             self.inputs[Outcome.WRONG_SIZE] += 1
             self.warn(f'{self.scenario.input.topic}: {error}')
             return None
-        return sample
+        return Reading(None, time, values)
 
-    def judge(self, fused: Iterable[Fused]) -> list[Fused]:
+    def judge(self, readings: Iterable[Reading]) -> list[Reading]:
         """Record the corrections, and return the readings with a correction."""
-        corrected = [reading for reading in fused if reading.correction is not None]
-        for channel, _, _, _, correction in corrected:
-            channel.judge(correction)
+        corrected = [reading for reading in readings if reading.correction is not None]
+        for reading in corrected:
+            self.channels[reading.source].judge(reading.correction)
         return corrected
 
     def estimate(self) -> Array:

@@ -6,11 +6,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from kalman_ros.codecs.layout import Sample
 from kalman_ros.codecs.tick import read_tick
 from kalman_ros.core import Array, Gaussian
 
-from .fuser import Fused, Fuser, Received
+from .fuser import Fuser
+from .reading import Reading
 from .step_assembler import StepAssembler
 
 
@@ -20,7 +20,7 @@ class Output(Protocol):
     def publish(self, time: int, belief: Gaussian) -> None:
         """Take the belief at ``time``, in nanoseconds."""
 
-    def publish_innovations(self, fused: Sequence[Fused]) -> None:
+    def publish_innovations(self, fused: Sequence[Reading]) -> None:
         """Take the readings of a step, with their corrections."""
 
 
@@ -86,14 +86,12 @@ class LockstepFuser:
     def _fuse_steps(self) -> None:
         fuser = self._fuser
         for step in self._steps.complete():
-            received = [
-                Received(y.time or step.time, fuser.channels[name], y, y.refused)
-                for name, y in step.readings
-                if fuser.scenario.sensors[name].timed.enabled
-            ]
+            sensors = fuser.scenario.sensors
+            received = [y for name, y in step.readings if sensors[name].timed.enabled]
+            for reading in received:
+                reading.time = reading.time or step.time
             if step.input is not None:
-                time, u = step.input
-                received.append(Received(time, fuser.input, Sample(time, u, None)))
+                received.append(Reading(None, *step.input))
             self.last_input = step.input
             fused = fuser.fuse(received)
             self._output.publish(step.time, fuser.predicted(step.time))

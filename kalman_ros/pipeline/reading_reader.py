@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from math import isfinite
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -30,56 +30,8 @@ from .frame_guard import FrameGuard
 from .input_messages import InputDecoder
 from .mounts import Mounts
 from .pose_changes import FirstPoseError, PoseChange, whole_pose
+from .reading import Reading, Readings, refused
 from .still_watch import StillWatch
-
-
-class Reading(NamedTuple):
-    """A decoded message of a sensor.
-
-    Parameters
-    ----------
-    time
-        Stamp in nanoseconds; None without a stamp.
-    values
-        Reading (k,); (0,) if it is refused.
-    covariance
-        Covariance of the message (k, k); None where the configured one applies.
-    refused
-        Reason why the reading cannot be used, or None.
-    completed
-        Whether the configured covariance is used, since the message has zeros.
-    """
-
-    time: int | None
-    values: Array
-    covariance: Array | None
-    refused: Outcome | None = None
-    completed: bool = False
-
-
-class Readings(NamedTuple):
-    """Decoded messages of a sensor.
-
-    Parameters
-    ----------
-    time
-        Stamps (N,) in nanoseconds; None if the messages have none.
-    values, covariance
-        Readings (N, k), and the covariances (N, k, k) with which they are used.
-    completed
-        Whether the configured covariance is used for a part that the message leaves out (N,).
-    """
-
-    time: Any
-    values: Array
-    covariance: Array
-    completed: Any
-
-    def some(self, which: slice) -> Readings:
-        """Return some of them, one behind the other."""
-        time = None if self.time is None else self.time[which]
-        columns = (column[which] for column in self[1:])
-        return Readings(time, *columns)
 
 
 class ReadingReader:
@@ -95,6 +47,8 @@ class ReadingReader:
         Frames of the estimate: of positions, and of the body.
     warn
         Function that is called with a sentence about a frame that was not declared.
+    name
+        Name of the sensor.
     """
 
     def __init__(
@@ -103,7 +57,9 @@ class ReadingReader:
         origin: Origin | None = None,
         frames: Sequence[str] = (),
         warn: Callable[[str], object] = str,
+        name: str = '',
     ) -> None:
+        self._name = name
         self._zero = np.zeros(len(signal.fields)) if signal.zero else None
         self._still = None if signal.still is None else StillWatch(signal, signal.still)
         self._change = None if signal.pose == 'absolute' else PoseChange(signal)
@@ -130,7 +86,7 @@ class ReadingReader:
             self._origin.settle(good=_is_usable(reading))
         # a stamp of zero means that there is no stamp
         if self._offset and reading.time:
-            return reading._replace(time=reading.time + self._offset)
+            reading.time += self._offset
         return reading
 
     def read_all(self, messages: Sequence[bytes], source: SensorSource) -> Readings | None:
@@ -185,10 +141,10 @@ class ReadingReader:
         if moving:
             return self.refused(time, Outcome.MOVING, moving)
         if self._zero is not None:
-            return Reading(time, self._zero, None)
+            return Reading(self._name, time, self._zero)
         used = self._covariance_used(covariance, source)
         completed = used is not covariance and used is not None
-        return Reading(time, values, used, completed=completed)
+        return Reading(self._name, time, values, used, completed=completed)
 
     def _covariance_used(self, received: Array | None, source: SensorSource) -> Array | None:
         """Return the covariance to use in place of that of a message; the last one is cached."""
@@ -216,14 +172,14 @@ class ReadingReader:
     def refused(self, time: int | None, outcome: Outcome, why: object) -> Reading:
         """Return a reading that cannot be used, and keep the reason."""
         self.trouble = str(why)
-        return Reading(time, np.empty(0), None, outcome)
+        return refused(self._name, time, outcome)
 
 
 def _is_usable(reading: Reading) -> bool:
     """Return whether an estimator can use a reading: the first such fix is the datum."""
     R = reading.covariance
     sound = R is None or (is_finite(R) and is_definite(R))
-    return reading.refused is None and is_finite(reading.values) and sound
+    return reading.outcome is None and is_finite(reading.values) and sound
 
 
 class UnusableInputError(ValueError):
@@ -346,7 +302,11 @@ class SensorReader:
     ) -> None:
         self.name = name
         self._build: Callable[[Signal], ReadingReader] = partial(
-            ReadingReader, origin=origin, frames=frames, warn=lambda why: warn(f'{name}: {why}')
+            ReadingReader,
+            origin=origin,
+            frames=frames,
+            warn=lambda why: warn(f'{name}: {why}'),
+            name=name,
         )
         self._read = self._build(source.signal)
         #: Mounting of the sensor, as long as its place is not known.
@@ -363,7 +323,7 @@ class SensorReader:
         """Return the reading in a message; UndecodableError if it is not of the type."""
         if self._mounts is not None:
             reading = self._read(data, source)
-            if reading.refused is not None:
+            if reading.outcome is not None:
                 return reading
             try:
                 source = self._mounts.mount(self.name, self._read.frame)

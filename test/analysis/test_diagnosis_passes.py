@@ -144,7 +144,7 @@ def test_rotations_that_are_not_compiled_are_processed_by_steps(both, monkeypatc
 
 
 def test_readings_that_are_too_long_for_c_are_processed_by_steps(both, monkeypatch):
-    from kalman_ros.compiled import native_model as native
+    from kalman_ros.compiled import native_recursion as native
 
     monkeypatch.setattr(native, 'MOST_READ', 2)
     evidence = recorded('robot_3d', seconds=1.0, seed=2)

@@ -37,6 +37,12 @@ FOUR = {
 }
 
 
+def altered(arrival, **changes):
+    """Return an arrival with other numbers."""
+    same = {name: getattr(arrival, name) for name in ('source', 'time', 'values', 'covariance')}
+    return Arrival(**{**same, **changes})
+
+
 def arrivals(scenario, seconds, seed=0):
     """Return readings of a scenario without input, in the order of their stamps."""
     time = np.arange(0.0, seconds, 1.0 / scenario.rate)
@@ -69,7 +75,7 @@ def passed(scenario, given):
 def moved(given, name, chosen, by):
     """Return the readings with some of a sensor moved: of those with ``chosen`` seconds."""
     return [
-        each._replace(values=each.values + by)
+        altered(each, values=each.values + by)
         if each.source == name and chosen(each.time * 1e-9)
         else each
         for each in given
@@ -180,14 +186,14 @@ def test_a_gap_and_an_option_that_is_off_forget_the_noise():
     given = moved(given, 'gnss', lambda t: t > 2.0 and round(5 * t) % 2, [4.0, 0.0])
     found = passed(scenario, given)[0]
     assert found.noise['gnss'] > 3.0
-    late = given[-1]._replace(source='imu', values=np.zeros(2), time=300 * 10**9)
+    late = altered(given[-1], source='imu', values=np.zeros(2), time=300 * 10**9)
     found.add([late])
     assert found.noise['gnss'] == 1.0
     found = passed(scenario, given)[0]
     built, plain = (estimation(load('gnss_imu', each)) for each in (changes, SLOW))
     found.configure(plain.filter, plain.sensors, plain.policy)
     gnss = next(each for each in reversed(given) if each.source == 'gnss')
-    found.add([gnss._replace(time=gnss.time + 10**9)])
+    found.add([altered(gnss, time=gnss.time + 10**9)])
     found.configure(built.filter, built.sensors, built.policy)
     assert found.noise['gnss'] == 1.0
 
@@ -323,7 +329,7 @@ def test_noise_that_changes_tenfold_is_followed_within_sixty_readings(factor, ga
             if each.source == 'gnss' and each.time > 8_000_000_000:
                 true = states[round(each.time * 1e-9 * scenario.rate)][:2]
                 error = (each.values - true) * np.sqrt(factor)
-                given[i] = each._replace(values=true + error)
+                given[i] = altered(each, values=true + error)
         found, ratio = mean_nis(scenario, 'gnss', given, 8.0)
         low, high = chi_square_bounds(1.0, 2.0 / (2 * 60), 0.05)
         inside.append(low <= ratio <= high)

@@ -9,7 +9,6 @@ from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 from std_srvs.srv import SetBool, Trigger
 
-from kalman_ros.codecs.layout import Sample
 from kalman_ros.codecs.messages import nanoseconds, write_stamp
 from kalman_ros.estimators.instants import Instants
 from kalman_ros.estimators.outcome import Outcome
@@ -17,7 +16,7 @@ from kalman_ros.estimators.smoother import smooth
 from kalman_ros.nodes.estimator.node import EstimatorNode
 from kalman_ros.nodes.middleware.connections import Connections
 from kalman_ros.nodes.middleware.diagnostics import Level
-from kalman_ros.pipeline.fuser import Received
+from kalman_ros.pipeline.reading import Reading
 
 STEP = 10_000_000
 
@@ -231,7 +230,7 @@ def test_of_many_innovations_the_newest_are_published(pair, monkeypatch, most, p
     channel, stamps = node._fuser.channels['velocity'], []
     monkeypatch.setattr(channel, '_publish', lambda time, _: stamps.append(time))
     times = [k * STEP for k in range(1, 21)]
-    readings = [Received(time, channel, Sample(time, np.zeros(2), np.eye(2))) for time in times]
+    readings = [Reading('velocity', time, np.zeros(2), np.eye(2)) for time in times]
     node.publish_innovations(node._fuser.fuse(readings), most)
     assert stamps == times[-published:]
 
@@ -254,11 +253,11 @@ def test_smoothed_estimates_are_published_once_their_lag_has_passed(pair, monkey
 
     monkeypatch.setattr(online, 'on_final', on_final)
     monkeypatch.setattr(publisher, '_write', written_too)
-    channel = next(iter(node._fuser.channels.values()))
+    (name,) = node._fuser.channels
     first = node.get_clock().now().nanoseconds - 100 * STEP
     for k in range(100):
         values = np.sin(0.1 * k) * np.ones(1)
-        node._fuser.fuse([Received(first + k * STEP, channel, Sample(None, values, None))])
+        node._fuser.fuse([Reading(name, first + k * STEP, values)])
     assert [time for time, *_ in written] == [step.time for step in filtered[: len(written)]]
     assert len(written) == len(filtered) - 30
     _, mean, covariance = written[-1]
@@ -270,7 +269,7 @@ def test_smoothed_estimates_are_published_once_their_lag_has_passed(pair, monkey
     assert len(written) == len(filtered) - 30
     written.clear()
     for k in range(100, 140):
-        node._fuser.fuse([Received(first + k * STEP, channel, Sample(None, np.ones(1), None))])
+        node._fuser.fuse([Reading(name, first + k * STEP, np.ones(1))])
     assert [time for time, *_ in written] == [first + k * STEP for k in range(100, 108)]
 
 
@@ -282,10 +281,10 @@ def test_smoothed_estimates_have_the_states_of_the_model_alone(pair):
     assert len(node._online.belief.mean) == 2
     written, write = [], node._smoothed._write
     node._smoothed._write = lambda *belief: written.append(belief) or write(*belief)
-    channel = next(iter(node._fuser.channels.values()))
+    (name,) = node._fuser.channels
     first = node.get_clock().now().nanoseconds - 20 * STEP
     for k in range(20):
-        node._fuser.fuse([Received(first + k * STEP, channel, Sample(None, np.zeros(1), None))])
+        node._fuser.fuse([Reading(name, first + k * STEP, np.zeros(1))])
     assert written and {(len(mean), P.shape) for _, mean, P in written} == {(1, (1, 1))}
 
 

@@ -7,8 +7,8 @@ import pytest
 pytest.importorskip('rclpy')
 
 from kalman_ros.bags.replay import estimator_settings
-from kalman_ros.codecs.layout import Sample
-from kalman_ros.pipeline.fuser import Fuser, Received
+from kalman_ros.pipeline.fuser import Fuser
+from kalman_ros.pipeline.reading import Reading
 from kalman_ros.pipeline.reading_reader import InputReader, SensorReader
 
 
@@ -22,5 +22,5 @@ def test_it_happens_once_and_before():
     for number in (1, 2):
         fuser.before_next = lambda n=number: seen.append((n, fuser.inputs.total()))
     for time in (1, 2):
-        fuser.fuse([Received(time, input, Sample(time, np.zeros(2), None))])
+        fuser.fuse([Reading(None, time, np.zeros(2))])
     assert seen == [(2, 0)]

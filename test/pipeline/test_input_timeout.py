@@ -6,10 +6,10 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from kalman_ros.codecs.layout import Sample
-from kalman_ros.pipeline.fuser import Fuser, Received
+from kalman_ros.pipeline.fuser import Fuser
 from kalman_ros.pipeline.input_timeout import InputTimeout
-from kalman_ros.pipeline.reading_reader import InputReader, Reading, SensorReader
+from kalman_ros.pipeline.reading import Reading
+from kalman_ros.pipeline.reading_reader import InputReader, SensorReader
 from kalman_ros.pipeline.settings import settings
 
 SECOND = 1_000_000_000
@@ -59,21 +59,21 @@ def driven():
     return Fuser(scenario, built.estimator(), {'place': reader}, input, str, timeout)
 
 
-def reading(fuser, stamp):
-    return Received(stamp, fuser.channels['place'], Reading(stamp, np.zeros(1), None))
+def reading(stamp):
+    return Reading('place', stamp, np.zeros(1))
 
 
-def command(fuser, stamp):
-    return Received(stamp, fuser.input, Sample(stamp, np.ones(1), None))
+def command(stamp):
+    return Reading(None, stamp, np.ones(1))
 
 
 def test_what_is_published_between_readings_stops_with_the_input(driven):
-    driven.fuse([reading(driven, 10 * SECOND), command(driven, 10 * SECOND)])
+    driven.fuse([reading(10 * SECOND), command(10 * SECOND)])
     for seconds, place in ((0.3, 0.3), (0.5, 0.5), (0.8, 0.5), (30.0, 0.5)):
         found = driven.predicted(10 * SECOND + round(seconds * SECOND)).mean[0]
         assert found == pytest.approx(place, abs=1e-4), seconds
     # nothing is kept: a renewed command counts
-    driven.fuse([command(driven, 10 * SECOND + SECOND // 4)])
+    driven.fuse([command(10 * SECOND + SECOND // 4)])
     assert driven.predicted(11 * SECOND).mean[0] == pytest.approx(0.75, abs=1e-4)
     # and a belief that has expired has expired
     expired = driven.predicted(10 * SECOND + 100 * SECOND)
@@ -92,7 +92,7 @@ def test_what_is_published_between_readings_stops_with_the_input(driven):
 def test_an_input_ends_by_stamps_but_by_none_ahead_of_the_clock(driven, stamp, now, place, ended):
     stamp = 10 * SECOND + round(stamp * SECOND)
     now = None if now is None else 10 * SECOND + round(now * SECOND)
-    driven.fuse([reading(driven, 10 * SECOND), command(driven, 10 * SECOND)], 10 * SECOND)
-    driven.fuse([reading(driven, stamp)], now)
+    driven.fuse([reading(10 * SECOND), command(10 * SECOND)], 10 * SECOND)
+    driven.fuse([reading(stamp)], now)
     assert driven.online.belief.mean[0] == pytest.approx(place, abs=1e-4)
     assert (driven.timeout.ending(20 * SECOND) is None) == ended

@@ -107,7 +107,7 @@ class Reader:
 def test_readings_before_the_transform_are_refused_and_later_ones_are_turned():
     reader = Reader()
     assert reader.mounts.needed
-    assert reader.read().refused is Outcome.NO_TRANSFORM
+    assert reader.read().outcome is Outcome.NO_TRANSFORM
     assert reader.trouble == "no transform from 'base_link' to 'imu_link' on /tf_static yet"
     reader.mounts.on_static(message(('base_link', 'imu_link', numbers(PLACE, TURN))))
     np.testing.assert_allclose(reader.read().values, [0.5, 0.0, 2.0], atol=1e-12)
@@ -116,18 +116,18 @@ def test_readings_before_the_transform_are_refused_and_later_ones_are_turned():
     # at the place of the sensor: -w^2 l
     found = scenario.sensors['imu'].sensor.measure(x)
     np.testing.assert_allclose(found, [0.5, -0.25 * PLACE[0], -0.25 * PLACE[1]])
-    assert reader.read('other').refused is Outcome.OTHER_FRAME
+    assert reader.read('other').outcome is Outcome.OTHER_FRAME
     assert reader.said == []
 
 
 def test_a_sensor_in_the_frame_of_the_body_needs_no_transform():
-    assert Reader().read('base_link').refused is None
+    assert Reader().read('base_link').outcome is None
 
 
 def test_without_a_transform_of_its_frame_a_sensor_has_no_readings():
     reader = Reader()
     reader.mounts.on_static(message(*CHAIN))
-    assert reader.read('camera').refused is Outcome.NO_TRANSFORM
+    assert reader.read('camera').outcome is Outcome.NO_TRANSFORM
     assert reader.trouble
 
 
@@ -142,14 +142,14 @@ TURNS = {
 def test_a_rotation_is_the_same_everywhere_on_the_body(pose):
     reader = Reader(**TURNS, **{'imu.pose': pose})
     reader.mounts.on_static(message(('base_link', 'imu_link', numbers(PLACE, TURN))))
-    assert reader.read().refused in (None, Outcome.FIRST_POSE)
+    assert reader.read().outcome in (None, Outcome.FIRST_POSE)
 
 
 def test_messages_without_a_frame_are_those_of_the_body_as_in_robot_localization():
     reader = Reader()
-    assert reader.read('').refused is None
+    assert reader.read('').outcome is None
     assert reader.said == ["imu: the messages name no frame: taken to be 'base_link'"]
-    assert reader.read('').refused is None
+    assert reader.read('').outcome is None
     assert len(reader.said) == 1
 
 
@@ -158,7 +158,7 @@ def test_a_model_without_heading_refuses_a_place_with_the_reason():
     sensor = {f'imu.{name}': value for name, value in given.items()}
     reader = Reader(model='mass_spring_damper', **sensor)
     reader.mounts.on_static(message(('base_link', 'imu_link', numbers(PLACE, TURN))))
-    assert reader.read().refused is Outcome.NO_TRANSFORM
+    assert reader.read().outcome is Outcome.NO_TRANSFORM
     assert 'takes a state with a yaw rate' in reader.trouble
 
 
@@ -184,11 +184,11 @@ def test_the_two_quaternions_of_half_a_turn_are_no_change():
 def test_a_transform_that_cannot_be_used_is_the_reason():
     reader = Reader()
     reader.mounts.on_static(message(('base_link', 'imu_link', [0] * 7)))
-    assert reader.read().refused is Outcome.NO_TRANSFORM
+    assert reader.read().outcome is Outcome.NO_TRANSFORM
     refused = "the transform of 'imu_link' on /tf_static is not finite, or no rotation"
     assert reader.trouble == refused
     reader.mounts.on_static(message(('base_link', 'imu_link', numbers(PLACE, TURN))))
-    assert reader.read().refused is None
+    assert reader.read().outcome is None
 
 
 def test_a_sensor_that_looks_straight_up_is_mounted_as_it_is():

@@ -7,9 +7,9 @@ import pytest
 pytest.importorskip('rclpy')
 
 from kalman_ros.bags.replay import estimator_settings
-from kalman_ros.codecs.layout import Sample
 from kalman_ros.estimators.outcome import Outcome
-from kalman_ros.pipeline.fuser import Fuser, Received
+from kalman_ros.pipeline.fuser import Fuser
+from kalman_ros.pipeline.reading import Reading
 from kalman_ros.pipeline.reading_reader import InputReader, SensorReader
 
 SECOND = 1_000_000_000
@@ -22,8 +22,8 @@ def test_a_repeated_input_is_counted_and_is_not_a_warning():
     input = InputReader(scenario.input)
     fuser = Fuser(scenario, settings.estimator(), channels, input, warnings.append)
     for u in ([1.0, 0.0], [1.0, 0.0], [2.0, 0.0]):
-        fuser.fuse([Received(SECOND, input, Sample(SECOND, np.array(u), None))])
+        fuser.fuse([Reading(None, SECOND, np.array(u))])
     assert not warnings
     assert fuser.inputs == {Outcome.FUSED: 2, Outcome.DUPLICATE: 1}
-    fuser.fuse([Received(SECOND, input, Sample(SECOND, np.array([np.nan, 0.0]), None))])
+    fuser.fuse([Reading(None, SECOND, np.array([np.nan, 0.0]))])
     assert warnings == ['force dropped: not finite']

@@ -75,16 +75,16 @@ def reader(values):
 def test_readings_of_zero_have_the_configured_noise():
     read = reader({'rest.zero': True})
     found = read(1.0, 3.0, 4.0)
-    assert found.refused is None
+    assert found.outcome is None
     assert found.covariance is None
     np.testing.assert_array_equal(found.values, np.zeros(3))
 
 
 def test_while_it_moves_there_is_no_reading():
     read = reader({'rest.zero': True, **STILL})
-    assert [read(t, 0.01).refused for t in (1.0, 1.4)] == [Outcome.MOVING] * 2
+    assert [read(t, 0.01).outcome for t in (1.0, 1.4)] == [Outcome.MOVING] * 2
     np.testing.assert_array_equal(read(1.5, 0.01).values, np.zeros(3))
-    assert read(1.6, 0.5).refused is Outcome.MOVING
+    assert read(1.6, 0.5).outcome is Outcome.MOVING
 
 
 def test_the_reason_is_named():
@@ -94,7 +94,7 @@ def test_the_reason_is_named():
         (1.0, 0.5, 'the body moves'), (1.2, 0.0, 'not at rest for still.duration yet'),
         (3.0, 0.0, 'messages more than 1 s apart'), (0.0, 0.0, 'a stamp of zero'),
     ):  # fmt: skip
-        assert found.read(odometry(time, speed), source).refused is Outcome.MOVING
+        assert found.read(odometry(time, speed), source).outcome is Outcome.MOVING
         assert found.trouble.startswith(reason)
 
 

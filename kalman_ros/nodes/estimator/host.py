@@ -9,7 +9,7 @@ from typing import Protocol
 from kalman_ros.core import Gaussian
 from kalman_ros.nodes.middleware.host import Host
 from kalman_ros.pipeline.estimator_options import EstimatorOptions
-from kalman_ros.pipeline.fuser import Fused
+from kalman_ros.pipeline.reading import Reading
 from kalman_ros.scenario import Scenario
 
 
@@ -23,6 +23,6 @@ class EstimatorHost(Host, Protocol):
         """Publish the belief at ``time``, in nanoseconds."""
         ...
 
-    def publish_innovations(self, fused: Sequence[Fused], most: int | None = None) -> None:
+    def publish_innovations(self, fused: Sequence[Reading], most: int | None = None) -> None:
         """Publish the innovations of readings, of more than ``most`` the newest ones."""
         ...

@@ -20,8 +20,9 @@ from kalman_ros.nodes.middleware import private
 from kalman_ros.nodes.middleware.meeting import Meeting
 from kalman_ros.nodes.middleware.meters import Latency
 from kalman_ros.nodes.middleware.topics import QUEUE, sensor_queue
-from kalman_ros.pipeline.fuser import Channel, Fuser, Received
+from kalman_ros.pipeline.fuser import Channel, Fuser
 from kalman_ros.pipeline.lockstep_fuser import LockstepFuser
+from kalman_ros.pipeline.reading import Reading
 from kalman_ros.scenario import Scenario
 
 #: A clock that goes back by less is out of order, not reset.
@@ -102,12 +103,11 @@ class RealTimeIntake:
             done = monotonic()
             self._latency.add(done - start)
             for reading in corrected:
-                reading.channel.age.add(
-                    ((now or reading.time) - reading.time) * 1e-9 + done - start
-                )
+                age = ((now or reading.time) - reading.time) * 1e-9 + done - start
+                fuser.channels[reading.source].age.add(age)
         self._node.publish_innovations(corrected, _MOST_INNOVATIONS)
 
-    def _waiting_readings(self, first: Channel, data: bytes, now: int) -> list[Received]:
+    def _waiting_readings(self, first: Channel, data: bytes, now: int) -> list[Reading]:
         """Return the readings that are waiting; ``data``, received on ``first``, may be one."""
         received, sensors = [], self._node.scenario.sensors
         for name, channel in self._fuser.channels.items():
@@ -121,13 +121,13 @@ class RealTimeIntake:
                 if reading is None:
                     continue
                 channel.rate.count()
-                time = reading.time or now
+                reading.time = reading.time or now
                 if now:  # simulated time may not have started
-                    channel.measure_lead(time, now)
-                received.append(Received(time, channel, reading, reading.refused))
+                    channel.measure_lead(reading.time, now)
+                received.append(reading)
         return received
 
-    def _waiting_inputs(self, first: Channel, data: bytes, now: int) -> Iterator[Received]:
+    def _waiting_inputs(self, first: Channel, data: bytes, now: int) -> Iterator[Reading]:
         """Yield the inputs that are waiting; ``data``, received on ``first``, may be one."""
         channel = self._fuser.input
         if channel.subscription is None:
@@ -137,7 +137,8 @@ class RealTimeIntake:
         for message in messages:
             input = self._node.intake(channel.topic, self._fuser.read_input, message)
             if input is not None:
-                yield Received(input.time or now, channel, input)
+                input.time = input.time or now
+                yield input
 
     def _publish_now(self) -> None:
         online = self._fuser.online

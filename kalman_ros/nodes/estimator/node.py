@@ -25,7 +25,7 @@ from kalman_ros.pipeline import transforms
 from kalman_ros.pipeline.estimator_options import EstimatorOptions
 from kalman_ros.pipeline.frames import STATIC as TF_STATIC
 from kalman_ros.pipeline.frames import Frames
-from kalman_ros.pipeline.fuser import Fused, Fuser
+from kalman_ros.pipeline.fuser import Fuser
 from kalman_ros.pipeline.fusion import check_start, falls_while_idle, fusion
 from kalman_ros.pipeline.global_topics import uses_fixes
 from kalman_ros.pipeline.initial_pose import (
@@ -38,6 +38,7 @@ from kalman_ros.pipeline.initial_pose import (
 )
 from kalman_ros.pipeline.mounts import Mounts
 from kalman_ros.pipeline.named_state import StateReader
+from kalman_ros.pipeline.reading import Reading
 from kalman_ros.pipeline.settings import Settings, estimator_extra
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.body_roles import body_of
@@ -151,11 +152,11 @@ class EstimatorNode(runtime.ScenarioNode):
         if self._transforms is not None:
             self._transforms(time, belief, self._fuser.fused_at)
 
-    def publish_innovations(self, fused: Sequence[Fused], most: int | None = None) -> None:
+    def publish_innovations(self, fused: Sequence[Reading], most: int | None = None) -> None:
         """Publish the innovations of readings, of more than ``most`` the newest ones."""
         corrected = self._fuser.judge(fused)
-        for channel, time, _, _, correction in corrected[0 if most is None else -most :]:
-            channel.publish(time, correction)
+        for reading in corrected[0 if most is None else -most :]:
+            self._fuser.channels[reading.source].publish(reading.time, reading.correction)
 
     def extra_options(self, chosen: Mapping[str, Value]) -> Iterable[Option]:
         """Return the options of the filter."""

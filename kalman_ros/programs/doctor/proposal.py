@@ -182,7 +182,7 @@ def _measure(bag: Bag, topic: str, source: SensorSource) -> Match | None:
     times, values = [], []
     for message in bag.messages({topic}):
         reading = read(message.data, source)
-        if reading.refused is None and np.isfinite(reading.values).all():
+        if reading.outcome is None and np.isfinite(reading.values).all():
             times.append(message.time if reading.time is None else reading.time)
             values.append(reading.values)
         if len(values) >= _MOST:
