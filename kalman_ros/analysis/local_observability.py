@@ -194,8 +194,10 @@ class ObservabilityMeter:
                 break
             u = piece.impulse / piece.seconds
             count = min(parts(model, piece.seconds), most)
+            dt = -piece.seconds / count
             for _ in range(count):
-                x, F, _ = model.linearized_step(x, u, -piece.seconds / count)
+                middle = model.step(x, u, 0.5 * dt)  # where a linearisation is of second order
+                F, x = model.linearized_step(middle, u, dt).F, model.step(middle, u, 0.5 * dt)
                 sensitivity = F[:n, :n] @ sensitivity
                 if not np.abs(sensitivity / scales[:, None] * scales).max() < _MOST_GROWTH:
                     return M

@@ -176,6 +176,32 @@ def test_a_report_takes_few_steps_whatever_the_rates_and_gaps(robot, monkeypatch
     assert max(taken) < 0.0
 
 
+def test_an_early_reading_tells_of_the_state_by_the_whole_way_back():
+    """The steps of a turn do not commute: the first reading, by differences of the whole way."""
+    built = scenario.build({'model': 'turn_rate', 'sensors': ['lidar'], 'lidar.rate': 2.0})
+    meter, sensor = ObservabilityMeter(built), built.sensors['lidar'].sensor
+    way, x = [], built.initial_state + np.array([0.0, 0.0, 0.0, 0.3, 0.7])
+    for step in range(8):
+        way.append(x)
+        meter.reading('lidar', step * 500_000_000)
+        x = built.model.step(x, np.zeros(0), 0.5)
+    here, n = way[-1], 5
+
+    def back(x, count):
+        for _ in range(count):
+            x = built.model.step(x, np.zeros(0), -0.5)
+        return sensor.measure(x)
+
+    R, M = np.linalg.inv(sensor.covariance), np.zeros((n, n))
+    for count in (0, 1, 2, 3, 4, 5, 6, 6):  # the first two are in one piece
+        H = np.column_stack(
+            [(back(here + d, count) - back(here - d, count)) / 2e-5 for d in 1e-5 * np.eye(n)]
+        )
+        M += H.T @ R @ H
+    expected = readings_alone(M, built.initial_belief.std)
+    np.testing.assert_allclose(meter(here).std, expected, rtol=0.003)
+
+
 def test_a_state_that_is_known_exactly_or_not_at_all_is_judged_in_its_unit():
     gramian = np.diag([4.0, 4.0, 4.0, 0.0])
     std = readings_alone(gramian, np.array([1.0, 3e-5, inf, inf]))

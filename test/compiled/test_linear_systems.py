@@ -83,6 +83,18 @@ def test_an_integrator_keeps_the_small_numbers_of_its_noise():
     np.testing.assert_allclose(Q, exact, rtol=1e-14)
 
 
+def test_a_slow_mode_beside_a_fast_one_has_the_digits_of_numpy():
+    """Halved until the fast one is short, the step of the slow one differs from 1 by 1e-14."""
+    A, W = np.diag([-1e-8, -1e6]), np.diag([1.0, 1.0])
+    plain = LinearSystem(A, np.zeros((2, 0)), W, space(2), Space(()))
+    fast, before = attempt(plain).result, Gaussian([1.0, 1.0], np.eye(2))
+    change = plain.sampled(1.0).F[0, 0] - 1.0
+    assert change == pytest.approx(-1e-8, rel=2e-3)
+    assert fast.sampled(1.0).F[0, 0] - 1.0 == pytest.approx(change, abs=1e-15)
+    after = KalmanFilter(fast).predict(before, np.zeros(0), 1.0)
+    assert after.mean[0] - 1.0 == pytest.approx(change, abs=1e-15)
+
+
 def test_an_angle_is_wrapped_by_a_step_of_any_filter_and_arithmetic():
     plain = system(2, 1, seed=3, rate=1e-3, angles=('x0',))
     u, before = np.array([400.0]), Gaussian([3.1, 0.0], np.eye(2))

@@ -48,6 +48,18 @@ def test_variances_are_the_squares_of_standard_deviations():
     np.testing.assert_array_equal(variances('noise', [0.5, 3.0], 2), np.diag([0.25, 9.0]))
 
 
+@pytest.mark.parametrize('size', [1, 2, 16, 17, 100])
+@pytest.mark.parametrize('bad', [np.nan, np.inf, -np.inf, 1e200, -1e155])
+def test_a_number_of_a_vector_that_is_not_finite_or_too_large_is_found(size, bad):
+    values = np.full(size, 1e150)
+    assert is_finite(values) and is_finite(values[:0])
+    for at in {0, size // 2, size - 1}:
+        others = values.copy()
+        others[at] = bad
+        with np.errstate(over='ignore'):
+            assert not is_finite(others)
+
+
 @pytest.mark.parametrize('size', [1, 8191, 8192, 20_000])
 @pytest.mark.parametrize('bad', [np.nan, np.inf, -np.inf, 1e200])
 def test_a_number_that_is_not_finite_is_found_anywhere(size, bad):

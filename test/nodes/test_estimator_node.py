@@ -7,6 +7,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped, TwistWithCovarianceStam
 from nav_msgs.msg import Odometry
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
+from std_msgs.msg import Float64
 from std_srvs.srv import SetBool, Trigger
 
 from kalman_ros.codecs.messages import nanoseconds, write_stamp
@@ -75,6 +76,27 @@ def test_after_a_reset_the_readings_used_before_are_not_reported_as_unusable(pai
     assert found.node.report()[2]['resets'] == 1
     wanted = 'no reading could be used since the last reset; in total: 1 of velocity fused'
     assert found.node.report()[1] == wanted
+
+
+def test_readings_without_stamps_are_taken_at_the_time_of_their_arrival(pair):
+    found = pair(
+        EstimatorNode, model='level', rest_until_input='false',
+        **{'reading.type': 'std_msgs/Float64', 'reading.fields': "['data']"},
+    )  # fmt: skip
+    topic = found.node.scenario.sensors['reading'].signal.topic
+    publisher, counts = found.publisher(Float64, topic), found.node._online.counts['reading']
+    before = found.node.get_clock().now().nanoseconds
+    publisher.publish(Float64(data=1.0))
+    found.until(lambda: counts[Outcome.FUSED] == 1, 'the reading is not fused')
+    assert before < found.node._online.time <= found.node.get_clock().now().nanoseconds
+
+
+def test_the_topics_of_ros_are_not_counted_among_those_of_the_node(pair):
+    found = pair(EstimatorNode)
+    found.until(lambda: found.node.diagnostics._connections, 'nothing is counted')
+    keys = found.node.diagnostics._connections
+    assert keys['publishers: /velocity'] == keys['subscribers: /estimate'] == 0
+    assert not any(key.endswith(('/rosout', '/parameter_events', '/diagnostics')) for key in keys)
 
 
 def test_fusion_is_switched_off_and_on_and_each_reading_is_counted(pair, monkeypatch):
