@@ -4,13 +4,14 @@
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from math import inf
 
 import numpy as np
 
-from kalman_ros.core import Array, Dynamics, Sensor, solve, symmetric
+from kalman_ros.core import Array, Dynamics, Sensor, is_finite, solve, symmetric
 from kalman_ros.estimators.plan import parts
 from kalman_ros.linear.structure import Observability
 from kalman_ros.scenario import Scenario
@@ -20,7 +21,8 @@ from .observability import observability
 #: The path covers the last N readings of the slowest sensor. It ends earlier where the current
 #: state changes by this multiple of the initial uncertainty.
 _PIECES, _MOST_GROWTH = 20, 1e3
-#: Most steps of a path, which bounds the time that it takes: a few milliseconds.
+#: Most steps of a path, which bounds the time that it takes: some milliseconds where the model is
+#: compiled, ten times as long in numpy.
 _STEPS = 100
 #: Information below this share of the information of the initial belief is rounding.
 _NONE = 1e-6
@@ -181,17 +183,28 @@ class ObservabilityMeter:
         return Observability(observed, unobserved, (), not unobserved)
 
     def _gramian(self, x: Array) -> Array:
-        """Return the Gramian of the path that leads back from ``x``."""
+        """Return the Gramian of the path that leads back from ``x``, as far as that is finite."""
+        n = self._scenario.model.state.size
+        M = np.zeros((n, n))
+        with np.errstate(all='ignore'), suppress(np.linalg.LinAlgError):
+            for more in self._readings(x):
+                if not is_finite(more):
+                    break
+                M = M + more
+        return M
+
+    def _readings(self, x: Array) -> Iterator[Array]:
+        """Yield the information of readings on the way back from ``x``, the latest first."""
         model, scales = self._model, _scales(self._scenario.initial_belief.std)
         n, most = scales.size, _STEPS // max(1, len(self._pieces))
-        sensitivity, M = np.eye(n), np.zeros((n, n))
+        sensitivity = np.eye(n)
         for piece in reversed(self._pieces):
             for name, count in piece.readings.items():
                 sensor = self._sensors[name]
                 H = sensor.jacobian(x)[:, :n] @ sensitivity
-                M = M + count * H.T @ solve(sensor.covariance, H)
+                yield count * H.T @ solve(sensor.covariance, H)
             if not piece.seconds:
-                break
+                return
             u = piece.impulse / piece.seconds
             count = min(parts(model, piece.seconds), most)
             dt = -piece.seconds / count
@@ -200,5 +213,4 @@ class ObservabilityMeter:
                 F, x = model.linearized_step(middle, u, dt).F, model.step(middle, u, 0.5 * dt)
                 sensitivity = F[:n, :n] @ sensitivity
                 if not np.abs(sensitivity / scales[:, None] * scales).max() < _MOST_GROWTH:
-                    return M
-        return M
+                    return

@@ -63,7 +63,10 @@ FAST static int sample(real dt, const real *p, real *F, real *G, real *Q)
         memcpy(Q, half, sizeof half);
         dense_product(before, before, F);
     }
-    return !halvings || (all_finite(F) && all_finite(Q)) ? DONE : OVERFLOW_WITHIN;
+    int finite = !halvings || (all_finite(F) && all_finite(Q));
+    for (int i = 0; halvings && i < N * M; i++)
+        finite &= isfinite(G[i]) != 0;
+    return finite ? DONE : OVERFLOW_WITHIN;
 }
 
 /* matrices receives F, G and Q of a step, one behind the other; nonzero where there are none */

@@ -28,6 +28,8 @@ from .source import text
 MOST_STATES = 16
 #: Fewest states for which wider registers save more time than the compiler takes for them.
 _WIDE = 8
+#: What a class of a user may compute otherwise.
+_STEPS = 'sampled', 'step', 'transition', 'linearized_step', 'predicted_moments'
 _FILES = 'matrices.c', 'linear.c', 'lanes.c', 'beliefs.c', 'pass.c'
 _WRAP = """
 static void wrap(const real *x, real *wrapped)
@@ -74,7 +76,8 @@ class NumberedSensor(Sensor):
 
 def is_small(system: Dynamics) -> bool:
     """Return whether a linear system has steps of its matrices alone, and not too many states."""
-    exact = getattr(type(system), 'sampled', None) is LinearSystem.sampled
+    kind: Any = type(system)
+    exact = all(getattr(kind, name, None) is getattr(LinearSystem, name) for name in _STEPS)
     return exact and system.state.size <= MOST_STATES
 
 

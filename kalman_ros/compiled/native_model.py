@@ -89,7 +89,7 @@ class NativeDynamics(Numbered, NativeRecursion):
 
     def _c_predicted(self, x: Array, P: Array, u: Array, dt: float, number: int) -> Gaussian:
         """Return the `predicted_moments` of many beliefs."""
-        if x.ndim == 1:
+        if x.ndim == 1 or number < 1:
             return super()._c_predicted(x, P, u, dt, number)
         n, u = x.shape[-1], like(u, x)
         covariances = np.broadcast_to(P, (*x.shape, n))

@@ -35,9 +35,9 @@ class NativeRecursion(Dynamics):
         self, x: Array, P: Array, u: Array, dt: float, number: int = 1
     ) -> Gaussian:
         """Return means (..., n) and covariances (..., n, n) after linearised steps."""
-        if (x.shape, u.shape) != self._c_shapes:
+        n = x.shape[-1]
+        if (x.shape, u.shape) != self._c_shapes or P.shape != (n, n) or number < 1:
             return self._c_predicted(x, P, u, dt, number)
-        n = x.size
         at_P = n + u.size
         mean = at_P + n * n
         covariance = mean + n

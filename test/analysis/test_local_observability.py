@@ -12,7 +12,7 @@ from kalman_ros import scenario
 from kalman_ros.analysis.bounds import posterior_cramer_rao
 from kalman_ros.analysis.local_observability import ObservabilityMeter, readings_alone
 from kalman_ros.analysis.observability import observability
-from kalman_ros.core import Gaussian
+from kalman_ros.core import Gaussian, Model
 from kalman_ros.simulation import closed_loop
 
 #: The first belief that the readings are compared with.
@@ -174,6 +174,34 @@ def test_a_report_takes_few_steps_whatever_the_rates_and_gaps(robot, monkeypatch
     assert not np.isnan(meter(built.initial_state).std).any()
     assert 0 < len(taken) <= 100
     assert max(taken) < 0.0
+
+
+class Stiff(Model):
+    """A body of four states on which friction acts."""
+
+    def __init__(self, like):
+        self.state, self.input, self.max_step = like.state, like.input, like.max_step
+
+    def derivative(self, x, u):
+        return -100.0 * np.sinh(x)
+
+    def noise_density(self, x):
+        return np.eye(4)
+
+
+@pytest.mark.parametrize('x', [1.0, 1e6, 1e160, np.inf, np.nan])
+@pytest.mark.parametrize('stiff', [True, False])
+def test_a_path_that_leads_beyond_all_numbers_ends_there(x, stiff):
+    built = scenario.build({'model': 'cart_pole'})
+    meter = ObservabilityMeter(built, Stiff(built.model) if stiff else None)
+    for step in range(25):
+        for name in built.enabled:
+            meter.reading(name, 1_000_000_000 + step * 10_000_000)
+    with np.errstate(all='ignore'):
+        report = meter.report(np.full(4, x))
+    assert report['observability'].startswith('the sensors observe')
+    if np.isfinite(x):
+        assert {'x', 'theta'} <= {*meter(np.full(4, x)).verdict.seen}
 
 
 def test_an_early_reading_tells_of_the_state_by_the_whole_way_back():

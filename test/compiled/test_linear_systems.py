@@ -83,16 +83,15 @@ def test_an_integrator_keeps_the_small_numbers_of_its_noise():
     np.testing.assert_allclose(Q, exact, rtol=1e-14)
 
 
-def test_a_slow_mode_beside_a_fast_one_has_the_digits_of_numpy():
-    """Halved until the fast one is short, the step of the slow one differs from 1 by 1e-14."""
-    A, W = np.diag([-1e-8, -1e6]), np.diag([1.0, 1.0])
+def test_slow_modes_whose_units_make_a_step_long_keep_their_digits():
+    """Halved until it is short by its norm, the step differs from 1 by 1e-14."""
+    A, W = np.array([[-1e-8, 1e6], [0.0, -1e-8]]), np.eye(2)
     plain = LinearSystem(A, np.zeros((2, 0)), W, space(2), Space(()))
-    fast, before = attempt(plain).result, Gaussian([1.0, 1.0], np.eye(2))
-    change = plain.sampled(1.0).F[0, 0] - 1.0
-    assert change == pytest.approx(-1e-8, rel=2e-3)
-    assert fast.sampled(1.0).F[0, 0] - 1.0 == pytest.approx(change, abs=1e-15)
-    after = KalmanFilter(fast).predict(before, np.zeros(0), 1.0)
-    assert after.mean[0] - 1.0 == pytest.approx(change, abs=1e-15)
+    fast, before = attempt(plain).result, Gaussian([1.0, 0.0], np.eye(2))
+    for model in (plain, fast):
+        assert model.sampled(1.0).F[0, 0] - 1.0 == pytest.approx(-1e-8, rel=1e-6)
+        after = KalmanFilter(model).predict(before, np.zeros(0), 1.0)
+        assert after.mean[0] - 1.0 == pytest.approx(-1e-8, rel=1e-6)
 
 
 def test_an_angle_is_wrapped_by_a_step_of_any_filter_and_arithmetic():
@@ -211,6 +210,25 @@ def test_a_system_that_grows_beyond_all_numbers_fails_as_in_numpy():
             KalmanFilter(model).predict(Gaussian([1.0], [[1.0]]), np.zeros(0), 10.0)
 
 
+@pytest.mark.parametrize(('gain', 'dt'), [(1e307, 10.0), (1e300, 30.0)])
+def test_an_input_that_moves_it_beyond_all_numbers_fails_as_in_numpy(gain, dt):
+    plain = LinearSystem([[1.0]], [[gain]], [[0.1]], space(1), Space(('u',)))
+    for model in (plain, attempt(plain).result):
+        with pytest.raises(np.linalg.LinAlgError, match='grows beyond all numbers'):
+            KalmanFilter(model).predict(Gaussian([0.0], [[1.0]]), np.zeros(1), dt)
+
+
+def test_what_has_another_shape_and_no_step_at_all_are_those_of_numpy():
+    plain = system(3, 1, seed=5)
+    fast, x, u = attempt(plain).result, np.ones(3), np.ones(1)
+    for P in (np.eye(1), np.array(2.0), np.ones(9)):
+        for model in (plain, fast):
+            with pytest.raises(Exception, match=r'.'):
+                model.predicted_moments(x, P, u, 0.1)
+    for number in (0, -1):
+        assert_same(fast.predicted_moments(x, np.eye(3), u, 0.1, number), (x, np.eye(3)))
+
+
 class Sampled(LinearSystem):
     """A system whose steps are the user's."""
 
@@ -219,11 +237,18 @@ class Sampled(LinearSystem):
         return step._replace(Q=2.0 * step.Q)
 
 
+class Stepped(LinearSystem):
+    """A system whose steps of a state are the user's."""
+
+    def step(self, x, u, dt):
+        return 2.0 * super().step(x, u, dt)
+
+
 def test_what_c_does_not_know_stays_in_numpy():
     plain = system(2, 1, seed=1)
-    steps = Sampled(plain.A, plain.B, plain.W, plain.state, plain.input)
+    given = plain.A, plain.B, plain.W, plain.state, plain.input
     large = system(MOST_STATES + 1, 0, seed=1)
-    for model in (steps, large):
+    for model in (Sampled(*given), Stepped(*given), large):
         assert attempt(model).result is model
     assert attempt(plain, one_of_many=True).result is plain
 

@@ -315,6 +315,15 @@ def test_a_long_step_is_as_uncertain_as_many_short_ones_make_it(kind, implementa
     assert 0.95 < nees(errors, np.tile(belief.covariance, (runs, 1, 1))).mean() / 5 < 1.1
 
 
+@pytest.mark.parametrize('dt', [0.3, -0.3])
+def test_a_long_step_of_either_sign_is_divided(dt):
+    filter, u = build_filter('ekf', Plan(TurnRate(), {}, 100.0)), np.zeros(0)
+    belief = Gaussian(np.array([1.0, 2.0, 3.0, 0.5, 0.4]), 0.1 * np.eye(5))
+    one, other = filter.predict(belief, u, dt), filter.linearized(belief, u, dt).belief
+    np.testing.assert_allclose(one.mean, other.mean, rtol=1e-12)
+    np.testing.assert_allclose(one.covariance, other.covariance, rtol=1e-12)
+
+
 def test_a_short_step_is_one():
     model, u, dt = TurnRate(), np.zeros(0), TurnRate.max_step
     belief = Gaussian(np.array([0.0, 0.0, 3.0, 0.3, 0.5]), 0.01 * np.eye(5))

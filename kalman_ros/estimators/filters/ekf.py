@@ -31,7 +31,7 @@ class ExtendedKalmanFilter(LinearUpdate):
         """Return x = step(x, u), P = F P F' + Q, in steps of the model's ``max_step``."""
         if isinstance(belief, Diffuse):
             return self.linearized(belief, u, dt).belief
-        count = parts(self.model, dt) if dt > self.model.max_step else 1
+        count = parts(self.model, dt) if abs(dt) > self.model.max_step else 1
         return self.model.predicted_moments(*belief, u, dt / count, count)
 
     def linearized(self, belief: Gaussian, u: Array, dt: float) -> Prediction:
