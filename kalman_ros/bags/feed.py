@@ -222,7 +222,7 @@ class Feed:
             self._now = message.time
         if self._period:
             self._publish_until(self._now)
-        self._intake(message.topic, self._take[message.topic], message.data)
+        self._intake.read(message.topic, self._take[message.topic], message.data)
 
     def take(self, messages: Messages) -> None:
         """Take the next messages; those that need no decision at once."""
@@ -257,7 +257,7 @@ class Feed:
         elif at in ahead.undecodable:
             self._intake.drop_undecodable(message.topic, message.data)
         else:
-            self._intake(message.topic, partial(self._on_reading, name), message.data)
+            self._intake.read(message.topic, partial(self._on_reading, name), message.data)
         # what one sensor cannot decode is not passed to the next
         lost = self._intake.dropped(message.topic) > dropped
         return ahead.next_message(at) if lost else at + 1

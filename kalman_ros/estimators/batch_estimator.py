@@ -289,7 +289,7 @@ class BatchEstimator:
         for at in _indices(doubtful):
             before, accepted[at] = self._records.of(at), False
             try:
-                result, one, after = self._gate(
+                result, one, after = self._gate.correct(
                     self._one, _member(self.belief, at), y[at], sensor, (self.time, order), before
                 )
                 accepted[at] = result.accepted

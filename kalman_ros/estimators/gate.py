@@ -47,7 +47,7 @@ class Gate:
         """Largest NIS of a reading of each sensor that counts in full."""
         return [soft for soft, _ in self._limits]
 
-    def __call__(
+    def correct(
         self,
         filter: Filter,
         belief: Gaussian,

@@ -363,7 +363,7 @@ class OnlineEstimator:
         records = state.records
         try:
             start = self._started(belief, item, state)
-            item.outcome, item.correction, records = self._gate(
+            item.outcome, item.correction, records = self._gate.correct(
                 item.filter, start, item.value, item.sensor, (time, order), records
             )
             if item.outcome.accepted:

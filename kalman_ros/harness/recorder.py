@@ -107,7 +107,7 @@ class Recorder:
     def __getitem__(self, topic: str) -> Recorded:
         """Return the record of ``topic``; raise KeyError if there is none."""
         codec, read = self._codecs[topic], InputDecoder(self._signals[topic])
-        decoded = (self._intake(topic, read, data) for data in self.raw[topic])
+        decoded = (self._intake.read(topic, read, data) for data in self.raw[topic])
         samples = [sample for sample in decoded if sample is not None]
         stamps = [sample.time for sample in samples if sample.time is not None]
         covariances = [sample.covariance for sample in samples]

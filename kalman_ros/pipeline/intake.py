@@ -35,7 +35,7 @@ class Intake:
         self._dropped: Counter[tuple[str, str]] = Counter()
         self._sizes: dict[tuple[str, str], int] = {}
 
-    def __call__(self, topic: str, read: Callable[[bytes], T], data: bytes) -> Optional[T]:
+    def read(self, topic: str, read: Callable[[bytes], T], data: bytes) -> Optional[T]:
         """Return ``read`` of a message of ``topic``; None if the message is dropped."""
         if len(data) > self.longest:
             self._drop('too long', topic, data)
@@ -55,7 +55,7 @@ class Intake:
     ) -> Optional[T]:
         """Return ``read`` of the last message that is not dropped."""
         for data in reversed(messages):
-            result = self(topic, read, data)
+            result = self.read(topic, read, data)
             if result is not None:
                 return result
         return None

@@ -73,7 +73,7 @@ class ReadingReader:
         #: Covariance of the last message, its sensor, and the covariance used in its place.
         self._used: tuple[Array | None, SensorSource | None, Array | None] = (None, None, None)
 
-    def __call__(self, data: bytes, source: SensorSource) -> Reading:
+    def read(self, data: bytes, source: SensorSource) -> Reading:
         """Return the reading in a message.
 
         Raises
@@ -322,7 +322,7 @@ class SensorReader:
     def read(self, data: bytes, source: SensorSource) -> Reading:
         """Return the reading in a message; UndecodableError if it is not of the type."""
         if self._mounts is not None:
-            reading = self._read(data, source)
+            reading = self._read.read(data, source)
             if reading.outcome is not None:
                 return reading
             try:
@@ -331,7 +331,7 @@ class SensorReader:
             except ValueError as error:
                 return self._read.refused(reading.time, Outcome.NO_TRANSFORM, error)
             self._mounts = None
-        return self._read(data, source)
+        return self._read.read(data, source)
 
     @property
     def is_settled(self) -> bool:

@@ -334,10 +334,10 @@ def test_a_message_that_declares_absence_is_not_decoded_with_others():
 def test_a_sensor_that_is_always_zero_has_its_covariance_whatever_its_messages_carry():
     source = build(from_file(shipped.file('diff_drive'), 'estimator')).sensors['imu']
     signal = replace(source.signal, zero=True)
-    read = ReadingReader(signal)
+    reader = ReadingReader(signal)
     data = [bytes(serialize_message(each)) for each in imus(np.random.default_rng(0), 8)]
-    read(data[0], source)
-    many = read.read_all(data, source)
+    reader.read(data[0], source)
+    many = reader.read_all(data, source)
     assert many.values.tolist() == [[0.0]] * 8
     np.testing.assert_array_equal(many.covariance, [source.sensor.covariance] * 8)
 

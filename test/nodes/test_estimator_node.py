@@ -32,7 +32,7 @@ def send(publisher, stamps):
 
 def record(pair, monkeypatch):
     """Return the stamps of the estimates that are published from now on."""
-    publisher = pair.node._publish._publisher
+    publisher = pair.node._estimates._publisher
     stamps, publish = [], publisher.publish
 
     def publish_and_note(message):

@@ -119,7 +119,7 @@ def test_a_kept_datum_is_used_again(started, tmp_path):
     estimates = received(found, 'estimate/fix')
     send = found.publisher(NavSatFix, 'fix')
     found.until(
-        lambda: found.node._publish._globe._fix_publisher.get_subscription_count(), 'unmatched'
+        lambda: found.node._estimates._globe._fix_publisher.get_subscription_count(), 'unmatched'
     )
     send.publish(fix(found, (1.0, 2.0, 3.0)))
     found.until(estimates, 'no estimate as a fix')

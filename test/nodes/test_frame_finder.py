@@ -42,7 +42,12 @@ class Node:
 
     destroy_timer = destroy_subscription
 
-    def intake(self, topic, read, data):
+    @property
+    def intake(self):
+        """The node itself: it takes in what comes."""
+        return self
+
+    def read(self, topic, read, data):
         try:
             read(data)
         except UndecodableError:

@@ -37,7 +37,7 @@ class Node:
     def __init__(self):
         self.sent, self.said, self.now = [], [], NOW
         self.subscriptions, self.endpoints = {}, []
-        self.intake = lambda topic, read, data: read(data)
+        self.intake = SimpleNamespace(read=lambda topic, read, data: read(data))
 
     def create_publisher(self, kind, topic, queue):
         assert topic == '/tf'

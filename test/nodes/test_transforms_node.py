@@ -73,7 +73,7 @@ def test_the_transform_is_that_of_the_estimate_until_a_second_parent_shows_up(st
     others.publish(other)
     found.until(driven(lambda: 'has the parent' in publisher.refusal), 'two parents')
     count = publisher.count
-    found.until(driven(lambda: found.node._publish.count > count + 20), 'no estimates')
+    found.until(driven(lambda: found.node._estimates.count > count + 20), 'no estimates')
     assert publisher.count == count
 
 

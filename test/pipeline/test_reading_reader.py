@@ -35,7 +35,7 @@ CONFIGURED = 0.05**2
 def test_covariance_from(policy, carried, used):
     source = replace(scenario.build({}).sensors['position'], covariance_from=policy)
     data = WireWriter(SignalCodec(source.signal))(1, np.zeros(2), carried * np.eye(2))
-    found = ReadingReader(source.signal)(data, source).covariance
+    found = ReadingReader(source.signal).read(data, source).covariance
     if used is None:  # that of the configuration is to be used
         assert found is None
     else:
@@ -51,7 +51,7 @@ def test_a_covariance_of_zeros_is_unknown():
         (np.array([[0.0, 0.1], [0.1, 4.0]]), np.array([[0.0, 0.1], [0.1, 4.0]])),  # nonsense
     ):
         data = WireWriter(SignalCodec(source.signal))(1, np.zeros(2), carried)
-        found = ReadingReader(source.signal)(data, source).covariance
+        found = ReadingReader(source.signal).read(data, source).covariance
         np.testing.assert_allclose(found, used)
 
 
@@ -84,7 +84,7 @@ def test_a_fix_that_cannot_be_used_is_no_datum(fields, covariance, altitude):
         }
     ).sensors['gnss']
     origin = Origin()
-    read = ReadingReader(source.signal, origin)
+    read = ReadingReader(source.signal, origin).read
     read(fix(10.0, covariance, altitude=altitude), source)
     assert origin.plane is None
     found = read(fix(11.0, np.eye(3)), source)
@@ -111,7 +111,7 @@ def stamped(stamp, offset, values=(0.0, 0.0)):
     """Return what is read from a position whose message has this stamp."""
     source = scenario.build({'position.stamp_offset': offset}).sensors['position']
     data = WireWriter(SignalCodec(source.signal))(stamp, np.array(values), 0.01 * np.eye(2))
-    return ReadingReader(source.signal)(data, source)
+    return ReadingReader(source.signal).read(data, source)
 
 
 def test_an_offset_is_added_to_stamps():

@@ -60,7 +60,7 @@ class EstimateFeed:
         messages = waiting(self.subscription, [data])
         topic = self.subscription.topic_name
         for passed, message in zip(range(len(messages) - 1, -1, -1), messages[: -_MOST - 1 : -1]):
-            estimate: Sample | None = self._node.intake(topic, self._state_in, message)
+            estimate: Sample | None = self._node.intake.read(topic, self._state_in, message)
             if estimate is None:
                 continue
             self._last = message

@@ -79,6 +79,6 @@ class FrameFinder:
 
     def _on_tf(self, topic: str, data: bytes) -> None:
         add = partial(self._frames.add, moving=topic == TF)
-        self._node.intake(topic, add, data)
+        self._node.intake.read(topic, add, data)
         if self._then(self._frames):
             self.stop()

@@ -117,7 +117,7 @@ class RealTimeIntake:
             self._fuser.overrun(channel, missed)
             read = partial(channel.read, source=sensors[name])
             for message in messages:
-                reading = self._node.intake(channel.topic, read, message)
+                reading = self._node.intake.read(channel.topic, read, message)
                 if reading is None:
                     continue
                 channel.rate.count()
@@ -135,7 +135,7 @@ class RealTimeIntake:
         messages, missed = channel.take([data] if channel is first else [])
         self._fuser.overrun(channel, missed)
         for message in messages:
-            input = self._node.intake(channel.topic, self._fuser.read_input, message)
+            input = self._node.intake.read(channel.topic, self._fuser.read_input, message)
             if input is not None:
                 input.time = input.time or now
                 yield input

@@ -75,7 +75,7 @@ class EstimatorNode(runtime.ScenarioNode):
         origin = self._origin = settings.origin()
         self._online, self._estimation = settings.estimator(estimation), estimation
         seen = observability(scenario)
-        self._publish = EstimatePublisher(self, scenario, options, origin)
+        self._estimates = EstimatePublisher(self, scenario, options, origin)
         self._read_pose = PoseReader(scenario, options.frame)
         self._read_state = StateReader(scenario)
         self._smoothed = None
@@ -148,7 +148,7 @@ class EstimatorNode(runtime.ScenarioNode):
             return
         if self.scenario.believed.places:
             belief = self.scenario.believed.own(belief)
-        self._publish(time, belief)
+        self._estimates.publish(time, belief)
         if self._transforms is not None:
             self._transforms(time, belief, self._fuser.fused_at)
 
@@ -279,12 +279,12 @@ class EstimatorNode(runtime.ScenarioNode):
         self._changeover.when_compiled(estimation.pending)
 
     def _on_static(self, data: bytes) -> None:
-        self.intake(TF_STATIC, self._mounts.on_static, data)
+        self.intake.read(TF_STATIC, self._mounts.on_static, data)
 
     def report(self) -> Report:
         """Return the outcomes of the readings, and whether innovations scatter as expected."""
         lockstep = self.options.lockstep
-        report = self._health.report(self.scenario, self._publish.count, lockstep=lockstep)
+        report = self._health.report(self.scenario, self._estimates.count, lockstep=lockstep)
         if not self.get_clock().now().nanoseconds:
             report = Level.WARN, 'use_sim_time: nothing is received on /clock', report[2]
         return report if self._transforms is None else self._transforms.report(*report)

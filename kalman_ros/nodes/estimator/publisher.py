@@ -41,7 +41,7 @@ class EstimatePublisher:
         #: The number of beliefs published.
         self.count = 0
 
-    def __call__(self, time: int, belief: Gaussian) -> None:
+    def publish(self, time: int, belief: Gaussian) -> None:
         """Publish a ``belief`` at ``time``, in nanoseconds."""
         self.count += 1
         topics, (x, P) = self._topics, belief

@@ -154,7 +154,7 @@ class TransformPublisher:
         self._take(data, static=True)
 
     def _take(self, data: bytes, *, static: bool) -> None:
-        transforms = self._node.intake(TF_STATIC if static else TF, transforms_in, data) or []
+        transforms = self._node.intake.read(TF_STATIC if static else TF, transforms_in, data) or []
         published = self._options.frame, self._write.child
         for transform in transforms:
             pair = transform.parent, transform.child

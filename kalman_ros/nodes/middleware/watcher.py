@@ -108,7 +108,7 @@ class WatcherNode(Node):  # type: ignore[misc]
         # rclpy itself would decode where its exceptions cannot be caught
         subscription = super().create_subscription(kind, topic, take, queue, raw=True, **options)
         subscription.losses, subscription.received = Losses(subscription), ReceptionTimes()
-        subscription.pass_on = partial(self.intake, subscription.topic_name, take)
+        subscription.pass_on = partial(self.intake.read, subscription.topic_name, take)
         private.pass_on_with_number(subscription, subscription.losses.numbered)
         return subscription
 

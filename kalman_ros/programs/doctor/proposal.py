@@ -178,10 +178,10 @@ def _input(bag: Bag, scenario: Scenario) -> str:
 
 def _measure(bag: Bag, topic: str, source: SensorSource) -> Match | None:
     """Measure rate and noise of a topic's readings; None if they are too few or all equal."""
-    read = ReadingReader(source.signal)
+    reader = ReadingReader(source.signal)
     times, values = [], []
     for message in bag.messages({topic}):
-        reading = read(message.data, source)
+        reading = reader.read(message.data, source)
         if reading.outcome is None and np.isfinite(reading.values).all():
             times.append(message.time if reading.time is None else reading.time)
             values.append(reading.values)

@@ -61,16 +61,16 @@ def benchmarks() -> Iterator[list[Benchmark]]:
         whole = stack.enter_context(Node(_IN_C, bare=False))
         yield [
             Benchmark(
-                'processor time of the default scenario at 100 Hz / bare relay', 2.0,
+                'processor time of the default scenario at 100 Hz / bare relay', 1.6,
                 ours.busy, peer.busy,
             ),
             Benchmark(
                 'robot_3d, IMU at 200 Hz and odometry at 50 Hz / a quarter of a core', 1.0,
                 robot.busy, lambda: _SHARE,
             ),
-            Benchmark('its processor time / bare relay', 2.5, robot.busy, relay.busy),
+            Benchmark('its processor time / bare relay', 1.8, robot.busy, relay.busy),
             Benchmark(
-                'the same with arithmetic: c / bare relay', 2.0, whole.busy, relay.busy
+                'the same with arithmetic: c / bare relay', 1.7, whole.busy, relay.busy
             ),
             Benchmark(
                 'its 99th percentile from reading to estimate, half of the cores busy / 3 ms', 1.0,
