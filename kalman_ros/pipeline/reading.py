@@ -5,8 +5,6 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from kalman_ros.core import Array
 from kalman_ros.estimators.filter import Correction
 from kalman_ros.estimators.outcome import Outcome
@@ -77,8 +75,3 @@ class Readings(NamedTuple):
         time = None if self.time is None else self.time[which]
         columns = (column[which] for column in self[1:])
         return Readings(time, *columns)
-
-
-def refused(source: str, time: int | None, outcome: Outcome) -> Reading:
-    """Return a reading that cannot be used."""
-    return Reading(source, time, np.empty(0), None, outcome)

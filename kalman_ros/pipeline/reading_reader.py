@@ -30,7 +30,7 @@ from .frame_guard import FrameGuard
 from .input_messages import InputDecoder
 from .mounts import Mounts
 from .pose_changes import FirstPoseError, PoseChange, whole_pose
-from .reading import Reading, Readings, refused
+from .reading import Reading, Readings
 from .still_watch import StillWatch
 
 
@@ -172,7 +172,7 @@ class ReadingReader:
     def refused(self, time: int | None, outcome: Outcome, why: object) -> Reading:
         """Return a reading that cannot be used, and keep the reason."""
         self.trouble = str(why)
-        return refused(self._name, time, outcome)
+        return Reading(self._name, time, np.empty(0), None, outcome)
 
 
 def _is_usable(reading: Reading) -> bool:
